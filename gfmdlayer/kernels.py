@@ -11,6 +11,7 @@ import fcntl
 import hashlib
 import inspect
 import re
+import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
@@ -161,6 +162,20 @@ def compiling() -> Iterator[None]:
             file = stack.enter_context((place / "compiling.lock").open("w"))
             fcntl.flock(file, fcntl.LOCK_EX)
         yield
+
+
+def announce(called: Any, seconds: float) -> None:
+    """Say that a kernel will be compiled, where the cache does not have it, on a terminal or in a notebook.
+
+    The runs of a configuration have a display of their own.
+    """
+    shown = sys.stderr.isatty() or "ipykernel" in sys.modules
+    if not shown or not isinstance(called, Dispatcher) or called.signatures:  # compiled in this process
+        return
+    file = getattr(called._cache, "_cache_file", None)  # type: ignore[attr-defined]
+    if file is None or not file._load_index():
+        words = f"compiling kernels, once per machine (about {seconds:.0f} s)"
+        print(f"gfmdlayer: {words}", file=sys.stderr, flush=True)  # noqa: T201
 
 
 @cache

@@ -6,12 +6,13 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numba as nb
 import numpy as np
 import pytest
 
 import gfmdlayer
 from gfmdlayer.grid.sums import pairwise_sum
-from gfmdlayer.kernels import kernel, product, quotient, source_digest
+from gfmdlayer.kernels import announce, kernel, product, quotient, source_digest
 
 PACKAGE = Path(gfmdlayer.__file__).parent
 
@@ -154,3 +155,20 @@ def test_sums_have_the_bits_of_numpy(size):
     assert _summed(x, 0, 1) == x.sum()
     numbers = z.view(np.float64)
     assert complex(_summed(numbers, 0, 2), _summed(numbers, 1, 2)) == z.sum()
+
+
+def test_the_first_call_says_once_that_kernels_are_compiled(monkeypatch, capsys, tmp_path):
+    monkeypatch.setattr(nb.config, "CACHE_DIR", str(tmp_path))
+
+    def thrice(x):
+        return 3 * x
+
+    thrice = kernel(thrice)
+    announce(thrice, 5)
+    assert not capsys.readouterr().err  # into a file
+    monkeypatch.setattr("sys.stderr.isatty", lambda: True, raising=False)
+    announce(thrice, 5)
+    assert capsys.readouterr().err == "gfmdlayer: compiling kernels, once per machine (about 5 s)\n"
+    assert thrice(2.0) == 6.0
+    announce(thrice, 5)
+    assert not capsys.readouterr().err

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import os
 import sys
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -23,7 +24,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from gfmdlayer.files.tables import Answers
-    from gfmdlayer.fitting.estimates import FitOptions
+    from gfmdlayer.fitting.result import FitOptions
 
 _READING = """
 --decimal MARK  decimal mark of the file, . or , (default: found)
@@ -37,7 +38,7 @@ data DATA  table with headings: omega or f with moduli or compliances, or t with
 --units NAME=UNIT ...  units of columns without a unit, such as frequency=Hz
 --law {prony,fractional_zener,power_law,kohlrausch,havriliak_negami} = prony  law to fit
   (default: a Prony series)
---poisson NU = 0.5  Poisson's ratio, for moduli and compliances in tension (default: 0.5)
+--poisson NU  Poisson's ratio, for moduli and compliances in tension (default: 0.5)
 --out PATH  YAML file, or folder for NAME.yaml; the figure lies beside it (default: here)
 --branches N  number of branches (default: the fewest that fit)
 --relaxed-modulus G0  relaxed modulus (default: fitted)
@@ -64,7 +65,7 @@ def fit_material(options: argparse.Namespace) -> int:
     ]
     if len(temperatures) not in (0, 3):
         return refuse("--temperature, --reference and --wlf: give all three or none")
-    if not -1 < options.poisson <= 0.5:
+    if options.poisson is not None and not -1 < options.poisson <= 0.5:
         return refuse(f"--poisson: got {options.poisson:g}; must be a number > -1 and <= 0.5")
     try:
         summary = material.fit_material(
@@ -142,8 +143,13 @@ def _options_of_indentation(parser: argparse.ArgumentParser) -> None:
       with bounds KEY=LOW:HIGH (default: the key `free` of the model)
     --units UNIT ...  units of columns without a unit: of time, depth and force, such as s nm nN, or by name,
       such as force=nN; a model without units is then in SI
-    --contact {given,detect} = given  detect: also fit the contact point and the offset of the force
-      (default: given)
+    --contact {given,detect,deviation,gradient,constant_line,constant_polynomial,line_polynomial} = given  how
+      the contact point is found; detect: also fit it and the offset of the force; others: depths count from
+      the point that this estimator finds (default: given, the depths count from it)
+    --baseline {none,offset,tilt} = none  subtract the mean force before contact, or its straight line, before
+      the fit (default: none)
+    --weight LENGTH  weigh residuals by the distance from the contact point over this length, up to 1
+    --range LOW:HIGH  only rows of these depths below the contact point
     --sensitivity S  deflection of the cantilever per volt, in the model's units, if the file lacks it
     --sampling RATE  rows in a unit of time, for a curve without time; not needed where nothing relaxes
     --prescribed {depth,force,base}  quantity that the instrument prescribes, if the files do not name it
@@ -167,14 +173,23 @@ def _options_of_indentation(parser: argparse.ArgumentParser) -> None:
 @verb(_options_of_indentation, _EXAMPLES_OF_INDENTATION)
 def fit_indentation(options: argparse.Namespace) -> int:
     """Fit moduli, times and thicknesses to measured force curves of an indenter."""
-    from gfmdlayer.fitting.estimates import FitOptions
     from gfmdlayer.fitting.measurement import FitError
+    from gfmdlayer.fitting.result import FitOptions
     from gfmdlayer.study import interrupts, workers
 
     try:
         first = options.loss, options.profile, options.contact, tuple(options.segments), options.prescribed
         spring = _spring(options.stiffness)
-        chosen = FitOptions(*first, *spring, options.adhesion, options.sensitivity, options.sampling)
+        chosen = FitOptions(
+            *first,
+            *spring,
+            options.adhesion,
+            options.sensitivity,
+            options.sampling,
+            options.baseline,
+            options.weight,
+            _between(options.range),
+        )
         answers = _answers(options, _units(options.units, ("time", "depth", "force")))
         free = _free(options.free)
         if options.each:
@@ -204,6 +219,19 @@ def _spring(text: str | None) -> tuple[float | None, float | None]:
         raise FitError(f"--stiffness {text}: must be K, or K:ERROR, with numbers") from None
 
 
+def _between(text: str | None) -> tuple[float, float] | None:
+    """Read LOW:HIGH."""
+    from gfmdlayer.fitting.measurement import FitError
+
+    if text is None:
+        return None
+    try:
+        low, high = map(float, text.split(":"))
+    except ValueError:
+        raise FitError(f"--range {text}: must be LOW:HIGH with two numbers") from None
+    return low, high
+
+
 def _free(keys: list[str]) -> dict[str, list[float] | None] | None:
     """Read KEY or KEY=LOW:HIGH; None without any."""
     from gfmdlayer.fitting.measurement import FitError
@@ -223,7 +251,7 @@ def _fit_together(options: argparse.Namespace, chosen: FitOptions, free: Any, an
     from gfmdlayer.fitting import indentation_report as report
     from gfmdlayer.fitting.curve_files import entries, read_curve, units_of
     from gfmdlayer.fitting.estimates import best_of
-    from gfmdlayer.fitting.indentation import fit_curves
+    from gfmdlayer.fitting.indentation import fit_curves, usable
     from gfmdlayer.fitting.problem import IndentationModel
     from gfmdlayer.fitting.starts import read_model
 
@@ -234,8 +262,9 @@ def _fit_together(options: argparse.Namespace, chosen: FitOptions, free: Any, an
     fits = {}
     for path, (model, keys) in checked.items():
         into, timeless = units_of(model.config.units), model.is_timeless(keys)
-        curves = [read_curve(entry, answers, into, chosen, timeless=timeless) for entry in measured]
-        fits[path] = fit_curves(curves, model, keys, chosen)
+        made = (partial(read_curve, entry, answers, into, chosen, timeless=timeless) for entry in measured)
+        curves, lost = usable(made)
+        fits[path] = fit_curves(curves, model, keys, chosen, notes=lost)
     best, _ = best_of(fits)
     if len(fits) > 1:
         print("\n".join(report.comparison(fits)), end=f"\n\n{best}:\n")

@@ -292,7 +292,7 @@ def _zoom(axes: Axes) -> None:
     """Leave out the depths at which the punch is away, where no curve is off zero."""
     curves = [line.get_data() for line in axes.lines]
     least = _NOTHING * max(float(np.abs(y).max(initial=0.0)) for _, y in curves)
-    off = [np.convolve(np.abs(y) > least, [1, 1, 1], "same") > 0 for _, y in curves]  # and the points beside
+    off = [np.convolve(np.abs(y) > least, [1, 1, 1])[1:-1] > 0 for _, y in curves]  # and the points beside
     acts = np.concatenate([np.asarray(x)[each] for (x, _), each in zip(curves, off, strict=True)])
     if acts.size and (room := _MARGIN * np.ptp(acts)) > 0:
         axes.set_xlim(acts.min() - room, acts.max() + room)

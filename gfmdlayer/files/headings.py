@@ -47,10 +47,12 @@ _QUANTITIES: dict[str, tuple[str, str]] = {
     "complex modulus": ("Pa", "complex modulus, dynamic modulus, komplexer modul, module complexe"),
     "tan delta": ("1", "tan delta, tan(delta), tan δ, tan(δ), tan d, tan(d), tand, tandelta, tan_d, "
         "loss factor, loss tangent, damping factor, verlustfaktor, facteur de perte, tan"),
-    "G(t)": ("Pa", "g(t), g, g relax, shear relaxation modulus, shear modulus, "
-        "schubmodul"),
-    "E(t)": ("Pa", "e(t), e, e relax, young's relaxation modulus, tensile relaxation modulus, "
-        "young's modulus"),
+    "G(t)": ("Pa", "g(t), g, g relax, g rel, grel, shear relaxation modulus, shear modulus, "
+        "schubmodul, schubrelaxationsmodul"),
+    "E(t)": ("Pa", "e(t), e, e relax, e rel, erel, eh, young's relaxation modulus, "
+        "tensile relaxation modulus, young's modulus, young, young modulus, youngs modulus, "
+        "tensile modulus, elastic modulus, e modulus, e-modulus, e modul, e-modul, elastizitätsmodul, "
+        "module d'young"),
     "relaxation modulus": ("Pa", "relaxation modulus, relaxationsmodul, module de relaxation, modulus, "
         "modul, module"),
     "J(t)": ("1/Pa", "j(t), j, shear creep compliance, shear compliance, schubnachgiebigkeit"),
@@ -113,7 +115,7 @@ _QUANTITIES: dict[str, tuple[str, str]] = {
 for _name in ("force", "tangential force"):
     _QUANTITIES[f"{_name} per length"] = ("N/m", _QUANTITIES[_name][1])
 # Columns of words.
-WORDS = {"segment": "segment", "prescribed": "prescribed|control"}
+WORDS = {"segment": "segment", "prescribed": "prescribed, control"}
 # Quantities of shear and of tension that a heading names without saying which.
 BY_MODULUS = {
     "storage modulus": ("G'", "E'"), "loss modulus": ("G''", "E''"), "complex modulus": ("|G*|", "|E*|"),

@@ -16,6 +16,7 @@ import numpy as np
 from gfmdlayer.arrays import FloatArray, IntArray
 from gfmdlayer.files.headings import (
     ANGULAR,
+    BY_MODULUS,
     ORDINARY,
     WORDS,
     Meaning,
@@ -744,6 +745,8 @@ def read_table(
 
 def _of_position(quantity: str, answers: Answers) -> Meaning:
     """Return the meaning of a column without a heading."""
+    if answers.modulus == "E":
+        quantity = next((tension for shear, tension in BY_MODULUS.values() if shear == quantity), quantity)
     given = (unit for name, unit in answers.units if quantity in quantities_named(name))
     if (symbol := next(given, None)) is None:
         return Meaning((quantity,))

@@ -32,11 +32,11 @@ import numpy as np
 
 from gfmdlayer.arrays import FloatArray
 from gfmdlayer.files.hdf5 import is_hdf5, open_hdf5, refuse_other_files
-from gfmdlayer.files.headings import WORDS
+from gfmdlayer.files.headings import WORDS, meaning, quantities_named
 from gfmdlayer.files.tables import Answers, TableError, converted, is_text, read_table
 from gfmdlayer.files.units import unit_of
-from gfmdlayer.fitting.estimates import FitOptions
-from gfmdlayer.fitting.force_curve import BASE, COLUMNS, FORCE, ForceCurve
+from gfmdlayer.fitting.force_curve import BASE, COLUMNS, FORCE, CurveError, ForceCurve, column
+from gfmdlayer.fitting.result import FitOptions
 from gfmdlayer.validation.units import Units
 
 TEXT = {".csv", ".txt", ".dat", ".tsv"}
@@ -99,7 +99,7 @@ def read_curve(
     """
     path = entry.path
     origin = {"file": path.name, "sha256": contents(path), "curve": entry.key}
-    own = options.stiffness
+    stiffness = None
     if _for_afmformats(path):
         curves, missing = _afm_curves(path, *_calibration(options, into))
         if missing:
@@ -112,22 +112,98 @@ def read_curve(
     words: dict[str, list[str]]
     if _in_hdf5(path):
         columns, words, stiffness, account = _hdf5_columns(entry, dict(answers.units), into)
-        own = stiffness or own
     else:
-        columns, words, account = _text_columns(path, answers, into)
+        columns, words, account = _text_columns(path, answers, into, timeless=timeless)
+    read = columns, words, stiffness, account
+    return _made(entry.name, read, options, timeless, f"{path}: ", position=entry.position, origin=origin)
+
+
+Columns = tuple[dict[str, FloatArray], dict[str, list[str]], float | None, str]
+
+
+def _made(
+    name: str, read: Columns, options: FitOptions, timeless: bool, where: str = "", **more: Any
+) -> ForceCurve:
+    """Return the curve of columns, words, a stiffness, and how they were read."""
+    columns, words, stiffness, account = read
+    facts = curve_facts(name, words, stiffness, options)
     if "depth" not in columns:
-        if own is None:
+        if facts["stiffness"] is None:
             raise TableError(
-                f"{path}: curve {entry.name} has the base but no depth, which is base - force/stiffness; "
+                f"{where}curve {name} has the base but no depth, which is base - force/stiffness; "
                 "give the stiffness of the cantilever (--stiffness)"
             )
-        columns["depth"] = columns.pop("base") - columns["force"] / own
-    time, note = _time(f"{path}: curve {entry.name}", columns, options, timeless=timeless)
-    more = {"account": "; ".join(filter(None, (account, note)))}
-    return ForceCurve(
-        entry.name, time, columns["depth"], columns["force"], position=entry.position,
-        origin=origin | more, **curve_facts(words, own, options),
-    )  # fmt: skip
+        columns["depth"] = columns.pop("base") - columns["force"] / facts["stiffness"]
+    time, note = _time(f"{where}curve {name}", columns, options, timeless=timeless)
+    more["origin"] = more.get("origin", {}) | {"account": "; ".join(filter(None, (account, note)))}
+    return ForceCurve(name, time, columns["depth"], columns["force"], **facts, **more)
+
+
+_DIMENSIONS = ("", "time", "length", "force")  # in place of units, as in the results of `indent`
+
+
+def held_curve(
+    held: Any, name: str, answers: Answers, into: Into, options: FitOptions, *, timeless: bool
+) -> ForceCurve:
+    """Return the curve in a mapping, a frame or a dataset, whose keys are headings, see `files.headings`."""
+    wanted = (*COLUMNS, "base", *WORDS)
+    columns, units, words, keys = {}, {}, dict[str, list[str]](), dict[str, str]()
+    pairs = dict(answers.units)
+    pairs |= {"base": pairs["depth"]} if "depth" in pairs and "base" not in pairs else {}
+    every = {str(key): held[key] for key in (*held.keys(), *getattr(held, "coords", ()))}
+    for key in sorted(every, key=lambda each: each not in wanted):  # their own names first
+        values, unit = every[key], str(getattr(every[key], "attrs", {}).get("units", ""))
+        if np.ndim(values) != 1 and not isinstance(values, str):
+            continue
+        means = meaning(key, "" if unit in _DIMENSIONS else unit, wanted, pairs)
+        asked = [quantity for quantity in means.options if quantity in wanted]
+        quantity = means.quantity
+        if not asked or keys.get(asked[0]) == asked[0]:
+            continue
+        if means.reason:
+            raise TableError(f"curve {name}: {key!r} {means.reason}")
+        assert quantity is not None
+        if quantity in keys:
+            raise TableError(f"curve {name}: {keys[quantity]!r} and {key!r} are both {quantity}; name one so")
+        keys[quantity] = key
+        if quantity in WORDS:
+            words[quantity] = [values] if isinstance(values, str) else np.asarray(values).astype(str).tolist()
+        else:
+            columns[quantity], units[quantity] = column(name, quantity, values), means.symbol
+    missing = [key for key in ("force",) if key not in columns]
+    missing += [] if {"depth", "base"} & {*columns} else ["depth"]
+    if missing:
+        listed = ", ".join(every)
+        raise TableError(f"curve {name}: has no {' and no '.join(missing)}; its columns are {listed}")
+    if "depth" in columns and "base" in columns:  # follows from depth, force and stiffness
+        del columns["base"], units["base"]
+    words = {key: each * (columns["force"].size if len(each) == 1 else 1) for key, each in words.items()}
+    spring = getattr(held, "attrs", {}).get("stiffness")
+    stiffness = None if spring is None else float(spring)
+    account = _account(f"curve {name}", columns["force"].size, units, _targets(into))
+    columns, stiffness = _in_units(f"curve {name}", columns, units, stiffness, into)
+    return _made(name, (columns, words, stiffness, account), options, timeless)
+
+
+def given_curve(curve: ForceCurve, answers: Answers, into: Into, options: FitOptions) -> ForceCurve:
+    """Return a curve with what the answers and the options say of it; CurveError if it says otherwise."""
+    if answers.units:
+        symbols = dict.fromkeys(COLUMNS, "") | {
+            quantity: symbol
+            for key, symbol in answers.units
+            for quantity in quantities_named(key)
+            if quantity in COLUMNS
+        }
+        ones = dict.fromkeys(COLUMNS, np.ones(1))
+        sizes, _ = _in_units(f"curve {curve.name}", ones, symbols, None, into)
+        curve = curve.in_units(*(float(sizes[key][0]) for key in COLUMNS))
+    words = {} if curve.prescribed is None else {"prescribed": curve.prescribed}
+    facts = curve_facts(curve.name, words, curve.stiffness, options)
+    errors = curve.stiffness_error, options.stiffness_error
+    facts["stiffness_error"] = _agreed(curve.name, "stiffness_error", *errors)
+    del facts["segment"]
+    unchanged = all(getattr(curve, key) is value for key, value in facts.items())
+    return curve if unchanged else replace(curve, **facts)
 
 
 def _time(
@@ -146,15 +222,33 @@ def _time(
 
 
 def curve_facts(
-    words: Mapping[str, str | Sequence[str]], stiffness: float | None, options: FitOptions
+    name: str, words: Mapping[str, str | Sequence[str]], stiffness: float | None, options: FitOptions
 ) -> dict[str, Any]:
-    """Return the facts of a curve that are in its file, or else in the options."""
+    """Return the facts of a curve that are in its file, or else in the options; CurveError if they differ."""
+    named, asked = words.get("prescribed"), options.prescribed
+    kinds = {named} if isinstance(named, str) else {*(named or ())} - {""}
+    if asked is not None and (other := kinds - {asked}):
+        message = f"got prescribed = {asked!r}, but the curve says {', '.join(sorted(other))}; remove one"
+        raise CurveError(f"curve {name}: {message}")
+    own = _agreed(name, "stiffness", stiffness, options.stiffness)
     return {
         "segment": words.get("segment"),
-        "prescribed": words.get("prescribed", options.prescribed),
-        "stiffness": stiffness,
-        "stiffness_error": None if stiffness is None else options.stiffness_error,
+        "prescribed": named if asked is None else asked,
+        "stiffness": own,
+        "stiffness_error": None if own is None else options.stiffness_error,
     }
+
+
+_ROUNDED = 1e-6  # relative difference of numbers that agree
+
+
+def _agreed(name: str, key: str, own: float | None, given: float | None) -> float | None:
+    """Return a number of a curve, or the given one where it has none; CurveError if they differ."""
+    if own is None or given is None:
+        return given if own is None else own
+    if not abs(given - own) <= _ROUNDED * abs(own):
+        raise CurveError(f"curve {name}: got {key} = {given:.6g}, but the curve says {own:.6g}; remove one")
+    return own
 
 
 def contents(path: Path) -> str:
@@ -177,10 +271,11 @@ def _entries(path: Path) -> Iterator[Entry]:
 
 
 def _text_columns(
-    path: Path, answers: Answers, into: Into
+    path: Path, answers: Answers, into: Into, *, timeless: bool
 ) -> tuple[dict[str, FloatArray], dict[str, list[str]], str]:
     """Return the columns of a text file, its words, and how it was read."""
-    table = read_table(path, (*COLUMNS, "base", *WORDS), answers, orders=(COLUMNS,))
+    orders = (COLUMNS, COLUMNS[1:]) if timeless else (COLUMNS,)
+    table = read_table(path, (*COLUMNS, "base", *WORDS), answers, orders=orders)
     names: list[str] = [name for name in ("time", "depth", "base", "force") if name in table.columns]
     if "depth" in names and "base" in names:  # the base follows from depth, force and stiffness
         names.remove("base")
@@ -188,7 +283,7 @@ def _text_columns(
     missing = [name for name in needed if name not in names]
     if refused := [name for name in ("time", *missing) if name in table.refused] + missing:
         table.take(refused[0])  # says why not
-    target = dict(zip(COLUMNS, into, strict=True)) | {"base": into[1]}
+    target = _targets(into)
     columns = {
         name: table.take(name, target[name] if table.columns[name].unit is not None else None)
         for name in names
@@ -198,6 +293,8 @@ def _text_columns(
 
 def _hdf5_entries(path: Path) -> Iterator[Entry]:
     with _hdf5(path) as file:
+        if file.attrs.get("software") == "afmformats":
+            raise TableError(f"{path}: is of afmformats; first run pip install 'gfmdlayer[afm]'")
         if "force" not in file:
             for name, group in file.items():
                 if hasattr(group, "keys") and "force" in group:
@@ -214,9 +311,12 @@ def _hdf5_entries(path: Path) -> Iterator[Entry]:
             yield Entry(path, str(i), f"{path.stem}-{i:0{digits}d}", place)
 
 
-def _hdf5_columns(
-    entry: Entry, given: Mapping[str, str], into: Into
-) -> tuple[dict[str, FloatArray], dict[str, list[str]], float | None, str]:
+def _targets(into: Into) -> dict[str, str]:
+    """Return the unit of each column of a model."""
+    return dict(zip(COLUMNS, into, strict=True)) | {"base": into[1]}
+
+
+def _hdf5_columns(entry: Entry, given: Mapping[str, str], into: Into) -> Columns:
     """Return the columns of a curve, its words, its stiffness, and how it was read."""
     with _hdf5(entry.path) as file:
         row = int(entry.key) if "force" in file and entry.key else None
@@ -224,45 +324,62 @@ def _hdf5_columns(
         refuse_other_files(entry.path, place)
         columns, units, words = {}, {}, {}
         position = "depth" if "depth" in place or "base" not in place else "base"
-        for column in (*(["time"] if "time" in place else []), position, "force"):
-            if column not in place:
-                raise TableError(f"{entry.path}: curve {entry.name} has no variable {column}")
-            data = place[column]
-            columns[column] = np.asarray(data[:] if data.ndim == 1 or row is None else data[row], dtype=float)
-            unit = data.attrs.get("units") or given.get("depth" if column == "base" else column, "")
-            units[column] = unit.decode() if isinstance(unit, bytes) else str(unit)
-        for column in WORDS:
-            if column in place:
-                values = place[column].asstr()
-                words[column] = list(map(str, values[:] if values.ndim == 1 or row is None else values[row]))
+        for key in (*(["time"] if "time" in place else []), position, "force"):
+            if key not in place:
+                raise TableError(f"{entry.path}: curve {entry.name} has no variable {key}")
+            data = place[key]
+            columns[key] = np.asarray(data[:] if data.ndim == 1 or row is None else data[row], dtype=float)
+            unit = data.attrs.get("units") or ""
+            own = unit.decode() if isinstance(unit, bytes) else str(unit)
+            other = given.get("depth" if key == "base" else key, own)
+            if own and unit_of(own) != unit_of(other):
+                raise TableError(f"{entry.path}: {key} is in {own!r}, but {other!r} is given for it")
+            units[key] = other
+        for key in WORDS:
+            if key in place:
+                values = place[key].asstr()
+                words[key] = list(map(str, values[:] if values.ndim == 1 or row is None else values[row]))
         stiffness = place.attrs.get("stiffness")
     sizes = {values.size for values in columns.values()}
     if len(sizes) == 1:
         missing = np.isnan(columns["force"]) & np.isnan(columns[position])
         end = int(np.flatnonzero(~missing)[-1]) + 1 if not missing.all() else missing.size
-        columns = {column: values[:end] for column, values in columns.items()}
-        words = {column: values[:end] for column, values in words.items()}
-    target = dict(zip(COLUMNS, into, strict=True)) | {"base": into[1]}
+        columns = {key: values[:end] for key, values in columns.items()}
+        words = {key: values[:end] for key, values in words.items()}
     title = f"{entry.path.name}, curve {entry.key}" if entry.key else entry.path.name
-    account = _account(title, columns["force"].size, units, target)
-    if any(units.values()):
-        if lacking := [column for column, unit in units.items() if not unit]:
-            having = " and ".join(column for column, unit in units.items() if unit)
-            missing_ones = " and ".join(lacking)
-            raise TableError(
-                f"{entry.path}: {having} with a unit, but {missing_ones} without; give all units, in the "
-                "attribute units or with --units"
-            )
-        ones = {}
-        for column, symbol in units.items():
-            if (unit := unit_of(symbol)) is None:
-                raise TableError(f"{entry.path}: got the unit {symbol!r} for {column}, which is not known")
-            where = f"{entry.path}: {column}"
-            columns[column] = converted(columns[column], unit, target[column], where, symbol)
-            ones[column] = converted(np.ones(1), unit, target[column], where, symbol).item()
-        if stiffness is not None:
-            stiffness *= ones["force"] / ones[position]
-    return columns, words, None if stiffness is None else float(stiffness), account
+    account = _account(title, columns["force"].size, units, _targets(into))
+    spring = None if stiffness is None else float(stiffness)
+    columns, spring = _in_units(str(entry.path), columns, units, spring, into)
+    return columns, words, spring, account
+
+
+def _in_units(
+    where: str,
+    columns: Mapping[str, FloatArray],
+    units: Mapping[str, str],
+    stiffness: float | None,
+    into: Into,
+) -> tuple[dict[str, FloatArray], float | None]:
+    """Return columns, and a stiffness in their units, in the units of the model; all or none have a unit."""
+    if not any(units.values()):
+        return dict(columns), stiffness
+    if lacking := [key for key, unit in units.items() if not unit]:
+        having = " and ".join(key for key, unit in units.items() if unit)
+        missing = " and ".join(lacking)
+        raise TableError(
+            f"{where}: {having} with a unit, but {missing} without; give all units, in the "
+            "attribute units or with --units"
+        )
+    target, found, ones = _targets(into), {}, {}
+    for key, symbol in units.items():
+        if (unit := unit_of(symbol)) is None:
+            raise TableError(f"{where}: got the unit {symbol!r} for {key}, which is not known")
+        one = unit, target[key], f"{where}: {key}", symbol
+        found[key] = converted(columns[key], *one)
+        ones[key] = converted(np.ones(1), *one).item()
+    if stiffness is not None:
+        stiffness *= ones["force"] / ones["depth" if "depth" in ones else "base"]
+    return found, stiffness
 
 
 def _account(title: str, rows: int, units: Mapping[str, str], into: Mapping[str, str]) -> str:
@@ -414,15 +531,13 @@ def afm_curve(
         words["segment"] = [_PARTS[mode][min(k, len(_PARTS[mode]) - 1)] for k in numbers]
         if stiffness:
             creep = mode == "creep-compliance"
-            words["prescribed"] = [FORCE if creep and word == "hold" else BASE for word in words["segment"]]
+            # An instrument moves the base: that the depth is prescribed is an approximation of users.
+            moved = options.prescribed if options.prescribed and not creep else BASE
+            words["prescribed"] = [FORCE if creep and word == "hold" else moved for word in words["segment"]]
     columns = {"depth": -tip / sizes[1], "force": force / sizes[2]}
     if "time" in data.columns:
         columns["time"] = np.asarray(data["time"]) / sizes[0]
-    time, note = _time(f"curve {name}", columns, options, timeless=timeless)
     units = {column: unit for column, unit in zip(COLUMNS, SI, strict=True) if column in columns}
     account = _account(f"{name} by afmformats", force.size, units, dict(zip(COLUMNS, into, strict=True)))
-    more["origin"] = more.get("origin", {}) | {"account": "; ".join(filter(None, (account, note)))}
     own = None if not stiffness else float(stiffness) * sizes[1] / sizes[2]
-    return ForceCurve(
-        name, time, columns["depth"], columns["force"], **curve_facts(words, own, options), **more
-    )
+    return _made(name, (columns, words, own, account), options, timeless, **more)

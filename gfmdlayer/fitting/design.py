@@ -17,7 +17,7 @@ import numpy as np
 
 from gfmdlayer.config import ConfigError
 from gfmdlayer.fitting.elastic import adhesion_of
-from gfmdlayer.fitting.estimates import FitOptions, IndentationFit, conclude
+from gfmdlayer.fitting.estimates import conclude
 from gfmdlayer.fitting.force_curve import (
     BASE,
     DEPTH,
@@ -37,6 +37,7 @@ from gfmdlayer.fitting.problem import (
     LeastSquares,
     refuse_adhesion,
 )
+from gfmdlayer.fitting.result import FitOptions, IndentationFit
 from gfmdlayer.fitting.starts import curve_parameters, make_problem, read_model
 from gfmdlayer.validation.problems import unknown_key
 
@@ -179,7 +180,7 @@ def second_curve(problem: LeastSquares, u: Any, fit: IndentationFit, free: Free)
             continue
         words, best = min(known.items(), key=lambda item: item[1].error)
         if best.error < BETTER * estimate.error and not best.is_open:
-            size = f"{100 * best.error:.2g} %" if best.relative else f"{best.error:.2g}"
+            size = f"{100 * best.error / best.value:.2g} %" if best.relative else f"{best.error:.2g}"
             yield f"{estimate.name}: a second curve {words} would give it with a standard error of {size}"
         else:
             tried = f"{FASTER:g} times faster or slower, a hold, a radius {WIDER:g} times larger or smaller"

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from itertools import combinations
 from typing import Any, NamedTuple
 
@@ -23,13 +23,13 @@ import numpy as np
 from scipy.optimize import least_squares
 from scipy.special import stdtrit
 
-from gfmdlayer.arrays import BoolArray, FloatArray
-from gfmdlayer.config import ConfigError
+from gfmdlayer.arrays import FloatArray
 from gfmdlayer.fitting.elastic import CHOOSE, KINDS, NO_ADHESION
-from gfmdlayer.fitting.force_curve import FORCE, PRESCRIBED, CurveError, ForceCurve, noise_of
+from gfmdlayer.fitting.force_curve import FORCE, CurveError, ForceCurve, noise_of
 from gfmdlayer.fitting.intervals import mixture
-from gfmdlayer.fitting.misfit import WITHIN, doubts
+from gfmdlayer.fitting.misfit import WITHIN, doubts, found_shapes
 from gfmdlayer.fitting.problem import FreeParameter, LeastSquares
+from gfmdlayer.fitting.result import ESTIMATORS, CurveFit, Estimate, FitOptions, IndentationFit
 
 BAND = 0.95  # confidence of all intervals
 OPEN = 10.0  # ratio of the ends of an interval from which a parameter is not determined
@@ -41,157 +41,6 @@ ROUNDS = 5  # of the search for an end of a profile
 CLOSE = 0.02  # an end is found when the root of the growth is this close to t, relative to t
 BENT = 1.3  # times t: growth of the root of the squares at the ends of linear intervals that are rough
 FAR = 4.0  # the search ends this many linear half-widths from the estimate
-
-
-@dataclass(frozen=True)
-class FitOptions:
-    """How curves are fitted."""
-
-    loss: str = "linear"  # linear; or soft_l1, huber, cauchy, which give outliers less weight
-    profile: bool = False  # find profile intervals too; the fit then takes three to ten times as long
-    # given: depths count from the surface. detect: each curve has a free contact point and a free offset of
-    # the force, which start where the force begins to rise.
-    contact: str = "given"
-    segments: tuple[str, ...] = ()  # names of the segments whose rows count; all by default
-    # Of curves whose files do not name them: the prescribed quantity, and the stiffness of the cantilever, in
-    # the units of the model, with its relative standard error.
-    prescribed: str | None = None
-    stiffness: float | None = None
-    stiffness_error: float | None = None
-    # none, jkr or dmt, whose work or force is then free, or choose: the best by BIC; the model's by default.
-    adhesion: str | None = None
-    # Of files without them: the deflection per volt, and the rows in a unit of time, in the model's units.
-    sensitivity: float | None = None
-    sampling: float | None = None
-
-    def __post_init__(self) -> None:
-        problems = []
-        if self.loss not in LOSSES:
-            problems.append(f"loss: got {self.loss!r}; must be one of {', '.join(LOSSES)}")
-        if self.contact not in {"given", "detect"}:
-            problems.append(f"contact: got {self.contact!r}; must be given or detect")
-        if self.prescribed not in (None, *PRESCRIBED):
-            problems.append(f"prescribed: got {self.prescribed!r}; must be one of {', '.join(PRESCRIBED)}")
-        if self.adhesion not in (None, *ADHESIONS):  # also of a list, which a set would not take
-            problems.append(f"adhesion: got {self.adhesion!r}; must be one of {', '.join(ADHESIONS)}")
-        for key in ("stiffness", "stiffness_error", "sensitivity", "sampling"):
-            value = getattr(self, key)
-            if value is not None and not 0 < value < math.inf:
-                problems.append(f"{key}: got {value!r}; must be > 0 and finite")
-        if isinstance(self.segments, str) or not all(isinstance(name, str) for name in self.segments):
-            problems.append(f"segments: got {self.segments!r}; must be names, such as ('approach', 'hold')")
-        if problems:
-            raise ConfigError(problems)
-
-
-@dataclass(frozen=True)
-class Estimate:
-    """A fitted parameter."""
-
-    key: str  # dotted key of the model, or value of a curve
-    curve: str  # the curve to which it belongs; empty if all curves share it
-    value: float  # least squares
-    error: float  # standard error; relative where the parameter is fitted by its logarithm
-    interval: tuple[float, float]  # 95 % confidence interval, linear
-    profile: tuple[float, float] | None  # 95 % confidence interval, by profile
-    bounds: tuple[float, float]  # smallest and largest value allowed
-    relative: bool  # whether it is fitted by its logarithm
-
-    @property
-    def name(self) -> str:
-        """Key, with the curve to which it belongs."""
-        return f"{self.key}[{self.curve}]" if self.curve else self.key
-
-    @property
-    def is_open(self) -> bool:
-        """Whether the data leave it open: the interval reaches a bound, or spans a factor of ten."""
-        (low, high), (least, most) = self.profile or self.interval, self.bounds
-        return low <= least or high >= most or (self.relative and high > OPEN * low)
-
-    @property
-    def standard_error(self) -> float:
-        """Standard error in the units of the value."""
-        return self.value * self.error if self.relative else self.error
-
-
-@dataclass(frozen=True)
-class CurveFit:
-    """A curve with the response of the fitted model."""
-
-    curve: ForceCurve  # the measurement
-    force: FloatArray  # predicted, at the rows of the curve
-    depth: FloatArray  # predicted, at the rows of the curve
-    band: FloatArray  # half width of the 95 % confidence band of the measured quantity
-    used: BoolArray  # rows whose residuals count
-    noise: float  # standard deviation of the force, as given or from the residual; NaN if none is measured
-    depth_noise: float  # of the depth
-
-    @property
-    def residual(self) -> FloatArray:
-        """Predicted minus measured values of the measured quantity, shape (rows,)."""
-        return np.where(self.curve.by_force, self.depth, self.force) - self.curve.measured
-
-
-@dataclass(frozen=True)
-class IndentationFit:
-    """A fit of one or several curves."""
-
-    parameters: tuple[Estimate, ...]
-    correlation: FloatArray  # shape (parameters, parameters), on the scales on which they are fitted
-    curves: tuple[CurveFit, ...] = field(repr=False)  # each with all its rows
-    deviance: float  # -2 ln of the likelihood
-    count: int  # parameters, with an estimated noise
-    rows: int
-    independent: float  # part of the rows that are independent, by the correlation of the residuals
-    warnings: tuple[str, ...]  # parameters that the data do not determine, and odd data
-    solutions: int  # number of solved contact problems, each over a whole curve
-    config: Any = field(repr=False)  # the model with the fitted values
-    start: Mapping[str, float]  # the parameters at which the search started, by name
-    options: FitOptions
-    adhesion: Mapping[str, str | float] | None = None  # the section of the model with the fitted values
-    misfit: tuple[str, ...] = ()  # the warnings that the residuals are not white noise
-    alternatives: Mapping[str, float] = field(default_factory=dict)  # BIC of each adhesion that was tried
-
-    @property
-    def aic(self) -> float:
-        """Information criterion of Akaike; smaller is better, for the same curves."""
-        return self.deviance + 2 * self.count
-
-    @property
-    def bic(self) -> float:
-        """Information criterion of Schwarz, with all rows."""
-        return self.criterion(1.0)
-
-    def criterion(self, independent: float) -> float:
-        """Information criterion of Schwarz where a part of the rows is independent.
-
-        Fits of the same curves are compared with the same part.
-        """
-        return independent * self.deviance + self.count * math.log(max(independent * self.rows, math.e))
-
-    @property
-    def choice(self) -> str:
-        """The sentence that compares the kinds of adhesion that were tried, or nothing."""
-        return preference(self.alternatives)
-
-    @property
-    def depth(self) -> float:
-        """Largest depth below the contact point, of all curves."""
-        points = {
-            parameter.curve: parameter.value
-            for parameter in self.parameters
-            if parameter.key == "contact_point"
-        }
-        shared = points.get("", 0.0)
-        reached = (float(fit.curve.depth.max()) - points.get(fit.curve.name, shared) for fit in self.curves)
-        return max(*reached, 0.0)
-
-    def __getitem__(self, name: str) -> Estimate:
-        """Return a parameter by its key, or the last part of its key."""
-        for parameter in self.parameters:
-            if name in {parameter.name, parameter.key, parameter.key.rpartition(".")[2]}:
-                return parameter
-        raise KeyError(f"{name}: must be one of {', '.join(parameter.name for parameter in self.parameters)}")
 
 
 def conclude(
@@ -234,7 +83,10 @@ def conclude(
     widths = np.sqrt(np.diag(on_scale))
     correlation = on_scale / np.outer(widths, widths)
     notes += _doubts(estimates, correlation, factor if known else 1.0)
-    doubtful = list(doubts(problem, u, residuals, jacobian, float(np.median(wider)))) if measured else []
+    shapes = found_shapes(problem, u, residuals, jacobian) if measured else []
+    doubtful = list(doubts(problem, u, residuals, shapes, float(np.median(wider)))) if measured else []
+    if shapes:
+        fitted = tuple(replace(each, missing=rows) for each, rows in zip(fitted, shapes[0].rows, strict=True))
     if problem.model.adhesion is not None and not problem.is_elastic and not options.profile:
         notes += _bent(problem, u, residuals, white, t, factor)
     twice, count = _deviance(problem, u, fitted, residuals[problem.rows :])
@@ -242,6 +94,7 @@ def conclude(
     return IndentationFit(
         estimates, correlation, fitted, twice, count, problem.rows, independent, (*notes, *doubtful),
         problem.solutions, problem.config(u), start, options, problem.adhesion(u), tuple(doubtful),
+        shape=shapes[0].name if shapes else "",
     )  # fmt: skip
 
 
@@ -264,26 +117,6 @@ def _bent(
         )
 
 
-NAMES = {"none": "no adhesion", "jkr": "JKR", "dmt": "DMT"}
-# Differences of BIC from which they count and are strong (Kass & Raftery, J. Am. Stat. Assoc. 90 (1995) 773).
-SAME, STRONG = 2.0, 6.0
-
-
-def preference(criteria: Mapping[str, float]) -> str:
-    """Say which adhesion the data prefer, from the BIC of each kind."""
-    if len(criteria) < 2:
-        return ""
-    (best, least), *others = sorted(criteria.items(), key=lambda item: item[1])
-    near = [kind for kind, value in others if value - least < SAME]
-    far = [f"{NAMES[kind]} by {value - least:.1f}" for kind, value in others if value - least >= SAME]
-    if near:
-        known = " and ".join(NAMES[kind] for kind in (best, *near))
-        words = f"the data cannot tell {known} apart (BIC differs by less than {SAME:g})"
-        return words + (f"; they prefer these to {' and to '.join(far)} in BIC" if far else "")
-    clearly = "" if min(value for _, value in others) - least >= STRONG else " weakly"
-    return f"the data{clearly} prefer {NAMES[best]} to {' and to '.join(far)} in BIC"
-
-
 def _estimate(
     parameter: FreeParameter,
     value: float,
@@ -303,7 +136,8 @@ def _estimate(
     ends = back(at - t * error), back(at + t * error)
     of_profile = None if profile is None else (back(profile[0]), back(profile[1]))
     named = parameter.key, parameter.curve
-    return Estimate(*named, value, error, ends, of_profile, parameter.bounds, relative)
+    own = value * error if relative else error
+    return Estimate(*named, value, own, ends, of_profile, parameter.bounds, relative)
 
 
 def _curve_fits(problem: LeastSquares, u: FloatArray, spread: FloatArray) -> Iterator[CurveFit]:
@@ -392,23 +226,26 @@ def _doubts(estimates: Sequence[Estimate], correlation: FloatArray, excess: floa
 
 # The contact point of a measured curve, from the force.
 #
-# Up to the largest depth the force is an offset before contact, and the offset plus c (d - d_0)^m after it:
-# m = 3/2 for a sphere, 2 for a cone, 1 for a flat end. For a given contact point, the offset and c follow
-# from a linear problem. The sum of squares is least at the true contact point, and larger by the variance of
-# the noise at one standard error from it. Only the rows up to `PART` of the largest force count: deeper, a
-# thin layer stiffens and a material relaxes.
+# Up to the largest depth the force is a straight baseline before contact, and the baseline plus
+# c (d - d_0)^m after it: m = 3/2 for a sphere, 2 for a cone, 1 for a flat end. For a given contact point, the
+# baseline and c follow from a linear problem. The sum of squares is least at the true contact point, and
+# larger by the variance of the noise at one standard error from it. Only the rows up to `PART` of the
+# largest force count: deeper, a thin layer stiffens and a material relaxes. They end where the force,
+# averaged over as many rows as its noise needs, rises through this level for the last time.
 
 PART = 0.25  # of the largest force
 BASELINE = 5  # rows before the contact, at least
 CANDIDATES = 200
+LONGEST = 10  # part of the rows over which a force is averaged, at most: one over this
 
 
 class ContactPoint(NamedTuple):
-    """The measured depth at which the indenter touches, its standard error, and the force before contact."""
+    """The measured depth at which the indenter touches, its standard error, and the baseline of the force."""
 
     depth: float
     error: float
-    offset: float
+    offset: float  # force at the contact point without contact
+    slope: float = 0.0  # of the baseline over the depth
 
 
 def detect(curve: ForceCurve, exponent: float = 1.5) -> ContactPoint:
@@ -420,10 +257,11 @@ def detect(curve: ForceCurve, exponent: float = 1.5) -> ContactPoint:
         least = 3 * noise_of(curve.force) + 0.01 * float(np.max(curve.force))
         row = max(int(np.argmax(curve.force > least)) - 1, 0)
         return ContactPoint(float(curve.depth[row]), noise_of(curve.depth), 0.0)
-    end = int(np.argmax(curve.force)) + 1
-    offset = float(np.median(curve.force[: max(BASELINE, end // 20)]))
-    reached = np.flatnonzero(curve.force[:end] - offset > PART * (curve.force[end - 1] - offset))
-    end = int(reached[0]) + 1 if reached.size else end
+    return _by_least_squares(curve, approach(curve), exponent, tilted=True)
+
+
+def _by_least_squares(curve: ForceCurve, end: int, exponent: float, *, tilted: bool) -> ContactPoint:
+    """Find the contact point of a baseline, constant or tilted, and a power of the depth below the point."""
     depth, force = curve.depth[:end], curve.force[:end]
     last = end - BASELINE
     if last <= BASELINE:
@@ -432,7 +270,7 @@ def detect(curve: ForceCurve, exponent: float = 1.5) -> ContactPoint:
             f"needs {BASELINE} rows before contact and {BASELINE} after it"
         )
     points = np.unique(np.linspace(depth[0], depth[last], CANDIDATES))
-    found = [_squares(point, depth, force, exponent) for point in points]
+    found = [_squares(point, depth, force, exponent, tilted=tilted) for point in points]
     squares = np.array([each[0] for each in found])
     best = int(np.argmin(squares))
     if np.count_nonzero(depth < points[best]) < BASELINE:
@@ -440,18 +278,169 @@ def detect(curve: ForceCurve, exponent: float = 1.5) -> ContactPoint:
             f"curve {curve.name}: the first rows are already in contact; a contact point needs {BASELINE} "
             "rows before contact"
         )
-    allowed = squares[best] * (1 + 1 / (end - 3))
+    allowed = squares[best] * (1 + 1 / (end - 3 - tilted))
     inside = points[squares <= allowed]
     error = max(float(np.ptp(inside)) / 2, float(points[1] - points[0]))
-    return ContactPoint(float(points[best]), error, found[best][1])
+    return ContactPoint(float(points[best]), error, *found[best][1:])
 
 
-def _squares(point: float, depth: FloatArray, force: FloatArray, exponent: float) -> tuple[float, float]:
-    """Return the sum of squares for a contact point, and the offset."""
-    shape = np.maximum(depth - point, 0.0) ** exponent
-    columns = np.stack([np.ones_like(shape), shape / max(float(shape.max()), 1e-300)], axis=1)
+def approach(curve: ForceCurve) -> int:
+    """Return the number of rows up to `PART` of the largest force, above a straight baseline."""
+    force = _averaged(curve.force)
+    end = int(np.argmax(force)) + 1
+    early = slice(0, max(BASELINE, end // 20))
+    position = curve.position_of_drive[:end]
+    line = np.full(end, np.median(curve.force[early]))
+    for _ in range(3):  # a tilted baseline: the rows before the level found first
+        above = force[:end] - line
+        low = np.flatnonzero(above <= PART * above[-1])
+        if not low.size:
+            return end
+        before = position[: low[-1] + 1]
+        half = before <= (before[0] + before[-1]) / 2
+        if np.count_nonzero(half) < BASELINE or not np.ptp(before[half]) > 0:
+            break
+        line = np.polynomial.Polynomial.fit(before[half], curve.force[: before.size][half], 1)(position)
+    return min(int(low[-1]) + 2, end)
+
+
+def _averaged(force: FloatArray) -> FloatArray:
+    """Return a force averaged over so many rows that four times its noise is below `PART` of its range."""
+    rows = math.ceil((4 * noise_of(force) / max(PART * float(np.ptp(force)), 1e-300)) ** 2)
+    rows = min(max(rows, 1), max(force.size // LONGEST, 1)) // 2 * 2 + 1
+    return _moving(force, rows)
+
+
+def _moving(values: FloatArray, rows: int) -> FloatArray:
+    """Return averages over an odd number of rows around each."""
+    return np.convolve(np.pad(values, rows // 2, mode="edge"), np.full(rows, 1 / rows), mode="valid")
+
+
+def _squares(
+    point: float, depth: FloatArray, force: FloatArray, exponent: float, *, tilted: bool
+) -> tuple[float, float, float]:
+    """Return the sum of squares for a contact point, and offset and slope of the baseline there."""
+    shape, span = np.maximum(depth - point, 0.0) ** exponent, max(float(np.ptp(depth)), 1e-300)
+    line = [(depth - point) / span] if tilted else []
+    columns = np.stack([np.ones_like(shape), *line, shape / max(float(shape.max()), 1e-300)], axis=1)
     solution = np.linalg.lstsq(columns, force, rcond=None)[0]
-    return float(np.sum((force - columns @ solution) ** 2)), float(solution[0])
+    rest = force - columns @ solution
+    return float(rest @ rest), float(solution[0]), float(solution[1]) / span if tilted else 0.0
+
+
+# What users do by hand before a fit, as nanite does it (`nanite.poc`): estimators of the contact point, the
+# baseline of the rows before it, weights and ranges relative to it.
+
+EARLY = 10  # rows of the approach over this: the baseline of `_deviating`
+FLAT, AVERAGED = 0.01, 100  # of the largest gradient: no contact; rows over this are averaged
+FEWEST_AVERAGED, RESERVE = 5, 10  # rows
+
+
+def contact_point(curve: ForceCurve, method: str) -> ContactPoint:
+    """Find the contact point of a curve by a method of `result.CONTACTS`; `detect` for given ones."""
+    end = int(np.argmax(curve.force)) + 1
+    match method:
+        case "deviation":
+            return _at_row(curve, _deviating(curve.force[:end]))
+        case "gradient":
+            return _at_row(curve, _rising(curve.force[:end]))
+        case "constant_line":
+            return _by_least_squares(curve, end, 1.0, tilted=False)
+        case "constant_polynomial":
+            return _by_polynomial(curve, end, tilted=False)
+        case "line_polynomial":
+            return _by_polynomial(curve, end, tilted=True)
+        case _:
+            return detect(curve)
+
+
+def _deviating(force: FloatArray) -> int:
+    """Return the first row beyond twice the largest deviation of the baseline from its mean."""
+    early = force[: max(force.size // EARLY, BASELINE)]
+    return int(np.argmax(force - early.mean() > 2 * float(np.abs(early - early.mean()).max())))
+
+
+def _rising(force: FloatArray) -> int:
+    """Return the last row at which the averaged gradient is flat, shifted as by one-sided averages."""
+    rows = max(FEWEST_AVERAGED, force.size // AVERAGED) // 2 * 2 + 1
+    gradient = _moving(np.gradient(_moving(force, rows))[: -RESERVE - 1], rows)
+    flat = np.flatnonzero(gradient <= FLAT * float(gradient.max(initial=0.0)))
+    return min(int(flat[-1]) + 1 + rows, force.size - 1) if flat.size else 0
+
+
+def _by_polynomial(curve: ForceCurve, end: int, *, tilted: bool) -> ContactPoint:
+    """Fit a constant or a line, and beyond the contact point x^3/(a x^2 + b x + c) too."""
+    depth, force = curve.depth[:end], curve.force[:end]
+    spans = float(np.ptp(depth)) or 1.0, float(np.ptp(force)) or 1.0
+    x, y = (depth - depth[0]) / spans[0], (force - force.min()) / spans[1]
+
+    def residuals(p: FloatArray) -> FloatArray:
+        below = np.maximum(x - p[0], 0.0)
+        a, b, c = np.exp(p[3:])
+        line = p[1] + (p[2] * (x - p[0]) if tilted else 0.0)
+        return np.asarray(line + below**3 / (a * below**2 + b * below + c) - y)
+
+    first = float(x[int(np.argmin(y - x))])  # farthest below the straight line between both ends
+    start = np.array([first, y[: max(end // EARLY, 1)].mean(), 0.0, *np.log([1 - first + 1e-3, 0.1, 0.01])])
+    low, high = np.array([-0.5, -2, -9, -20, -20, -20.0]), np.array([1.5, 2, 9, 9, 9, 9.0])
+    found = least_squares(
+        residuals, np.clip(start, low + 1e-6, high - 1e-6), bounds=(low, high), x_scale="jac"
+    ).x
+    point = float(depth[0] + found[0] * spans[0])
+    _at_row(curve, int(np.count_nonzero(depth < point)))
+    slope = float(found[2]) * spans[1] / spans[0] if tilted else 0.0
+    return ContactPoint(point, spans[0] / end, float(force.min() + found[1] * spans[1]), slope)
+
+
+def _at_row(curve: ForceCurve, row: int) -> ContactPoint:
+    if row < BASELINE:
+        raise CurveError(
+            f"curve {curve.name}: the first rows are already in contact; a contact point needs {BASELINE} "
+            "rows before contact"
+        )
+    spacing = abs(float(curve.depth[row] - curve.depth[row - 1]))
+    return ContactPoint(float(curve.depth[row]), spacing, float(curve.force[:row].mean()))
+
+
+def prepared(curve: ForceCurve, options: FitOptions, settled: bool) -> ForceCurve:
+    """Return a curve without baseline, with weights, and with depths from a contact point that is `settled`.
+
+    What was done is in its origin.
+    """
+    estimated = options.contact in ESTIMATORS
+    relative = options.weight is not None or options.range is not None
+    if not (estimated or options.baseline != "none" or (relative and options.contact != "given")):
+        point = ContactPoint(0.0, 0.0, 0.0)  # as the depths are given
+        done: dict[str, Any] = {}
+    else:
+        point = contact_point(curve, options.contact)
+        done = {"contact": options.contact, "contact_point": point.depth}
+    depth, force = curve.depth, curve.force
+    if options.baseline != "none":
+        before = np.arange(force.size) < int(np.argmax(depth > point.depth))
+        position = curve.position_of_drive
+        line = np.polynomial.Polynomial.fit(position[before], force[before], int(options.baseline == "tilt"))
+        force = force - line(position)
+        done |= {"baseline": options.baseline, "coefficients": line.convert().coef.tolist()}
+    below, weights = depth - point.depth, np.ones(depth.size)
+    if options.weight is not None:
+        weights = np.clip(np.abs(below) / options.weight, 0.0, 1.0)
+        done |= {"weight": options.weight}
+    if options.range is not None:
+        low, high = options.range
+        weights[(below < low) | (below > high)] = 0.0
+        done |= {"range": list(options.range)}
+    if estimated and settled:
+        depth = below
+    if not done:
+        return curve
+    given = 1.0 if curve.weights is None else curve.weights
+    account = "; ".join(f"{key}: {value}" for key, value in done.items())
+    said = "; ".join(filter(None, (str(curve.origin.get("account", "")), account)))
+    origin = {**curve.origin, "prepared": done, "account": said}
+    return replace(
+        curve, depth=depth, force=force, weights=given * weights if relative else curve.weights, origin=origin
+    )
 
 
 def loss_derivatives(residuals: FloatArray, loss: str) -> tuple[FloatArray, FloatArray]:

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gfmdlayer.arrays import BoolArray, FloatArray
+from gfmdlayer.arrays import BoolArray, FloatArray, unmasked
 from gfmdlayer.body.body import Body
 from gfmdlayer.fitting.measurement import FitError
 from gfmdlayer.indentation.equilibrium import EdgeAdhesion
@@ -74,6 +74,8 @@ class ForceCurve:
         fitted too.
     punch : mapping, optional
         Indenter of this curve, with the keys of a configuration; by default the model's.
+    weights : array_like, shape (rows,), optional
+        Weights of the residuals, from 0, which leaves a row out, to 1.
     origin : mapping
         Facts for the record of a fit, such as the name and the digest of the file.
 
@@ -104,11 +106,14 @@ class ForceCurve:
     stiffness: float | None = None
     stiffness_error: float | None = None
     punch: Mapping[str, Any] | None = None
+    weights: FloatArray | None = None
     origin: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         for key in ("time", "depth", "force"):
             object.__setattr__(self, key, column(self.name, key, getattr(self, key)))
+        if self.weights is not None:
+            object.__setattr__(self, "weights", column(self.name, "weights", self.weights))
         if reasons := list(self._faults()) or list(self._faults_of_segments()):
             raise CurveError("\n".join(f"curve {self.name}: {reason}" for reason in reasons))
 
@@ -138,6 +143,10 @@ class ForceCurve:
             value = getattr(self, key)
             if value is not None and not 0 < value < math.inf:
                 yield f"{key} = {value!r}; it must be > 0 and finite, or None"
+        if self.weights is not None and (
+            self.weights.shape != self.time.shape or not ((self.weights >= 0) & (self.weights <= 1)).all()
+        ):
+            yield "weights must be one number from 0 to 1 for each row"
         if self.stiffness_error is not None and self.stiffness is None:
             yield "stiffness_error is given without a stiffness"
 
@@ -286,7 +295,7 @@ def _by_row(words: str | Sequence[str] | None, rows: int) -> list[str]:
 def column(name: str, key: str, values: ArrayLike) -> FloatArray:
     """Return values as a column of numbers."""
     try:
-        numbers = np.array(values, dtype=float)
+        numbers = np.array(unmasked(values), dtype=float)
     except (TypeError, ValueError):
         raise CurveError(f"curve {name}: {key} cannot be read as numbers") from None
     if numbers.ndim != 1:
@@ -607,3 +616,15 @@ class Pieces(NamedTuple):
 
 
 COLUMNS = ("time", "depth", "force")  # the base may replace the depth
+
+
+def numbers_in(data: Any, at: str = "") -> Iterator[tuple[str, float]]:
+    """Yield the dotted keys of all numbers of the layers, the halfspace and the punch."""
+    items: Any = enumerate(data) if isinstance(data, (list, tuple)) else data.items()
+    for key, value in items:
+        place = f"{at}[{key}]" if isinstance(key, int) else f"{at}.{key}".lstrip(".")
+        if isinstance(value, (Mapping, list, tuple)):
+            if at or key in {"layer", "layers", "halfspace", "punch", "adhesion"}:
+                yield from numbers_in(value, place)
+        elif at and isinstance(value, (int, float)) and not isinstance(value, bool):
+            yield place, float(value)

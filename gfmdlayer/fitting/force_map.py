@@ -27,7 +27,6 @@ from gfmdlayer.files.tables import Answers
 from gfmdlayer.files.whole import cannot_be_written, is_intact, write_text
 from gfmdlayer.fitting.curve_files import Entry, contents, entries, read_curve, units_of
 from gfmdlayer.fitting.elastic import CHOOSE, KINDS, NO_ADHESION
-from gfmdlayer.fitting.estimates import FitOptions, IndentationFit
 from gfmdlayer.fitting.force_curve import COLUMNS as OF_A_CURVE
 from gfmdlayer.fitting.force_curve import Correction
 from gfmdlayer.fitting.indentation import fit_curves
@@ -35,6 +34,7 @@ from gfmdlayer.fitting.indentation_report import COLUMNS, SCALARS, accounts, add
 from gfmdlayer.fitting.measurement import FitError
 from gfmdlayer.fitting.prediction import Prediction
 from gfmdlayer.fitting.problem import Free, IndentationModel
+from gfmdlayer.fitting.result import FitOptions, IndentationFit
 from gfmdlayer.fitting.starts import keys_with_adhesion
 from gfmdlayer.results.names import parameter
 from gfmdlayer.results.netcdf import add_variable, new_file, opened, set_attributes
@@ -78,7 +78,7 @@ class MapCase:
         return {"curve": self.entry.name}
 
 
-_FACTS = {"sensitivity", "sampling"}
+_FACTS = {"sensitivity", "sampling", "baseline", "weight", "range"}
 
 
 @dataclass(frozen=True)
@@ -102,7 +102,9 @@ class FitTask:
     def given(self) -> dict[str, Any]:
         """The options of the fit; facts that files lack only where they are given."""
         return {
-            key: value for key, value in vars(self.options).items() if key not in _FACTS or value is not None
+            key: list(value) if isinstance(value, tuple) and key in _FACTS else value
+            for key, value in vars(self.options).items()
+            if key not in _FACTS or value not in (None, "none")
         }
 
     @property

@@ -7,7 +7,7 @@ multiplied by the factor that fits the forces best, and with the best of several
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -16,13 +16,20 @@ from typing import Any
 import numpy as np
 
 from gfmdlayer.arrays import FloatArray
-from gfmdlayer.files.headings import WORDS
 from gfmdlayer.files.tables import Answers
-from gfmdlayer.fitting.curve_files import Into, afm_curve, curve_facts, entries, read_curve, units_of
+from gfmdlayer.fitting.curve_files import (
+    Into,
+    afm_curve,
+    entries,
+    given_curve,
+    held_curve,
+    read_curve,
+    units_of,
+)
 from gfmdlayer.fitting.design import second_curve
 from gfmdlayer.fitting.elastic import CHOOSE, KINDS, NO_ADHESION
-from gfmdlayer.fitting.estimates import FitOptions, IndentationFit, best_of, conclude, minimised
-from gfmdlayer.fitting.force_curve import COLUMNS, ForceCurve
+from gfmdlayer.fitting.estimates import best_of, conclude, minimised, prepared
+from gfmdlayer.fitting.force_curve import COLUMNS, CurveError, ForceCurve
 from gfmdlayer.fitting.measurement import FitError
 from gfmdlayer.fitting.problem import (
     STICKING,
@@ -35,6 +42,7 @@ from gfmdlayer.fitting.problem import (
     refuse_mixed_units,
     warnings_before,
 )
+from gfmdlayer.fitting.result import FitOptions, IndentationFit
 from gfmdlayer.fitting.starts import (
     curve_parameters,
     first_guess,
@@ -71,29 +79,38 @@ def fit_indentation(
     adhesion: str | None = None,
     sensitivity: float | None = None,
     sampling: float | None = None,
+    baseline: str = "none",
+    weight: float | None = None,
+    range: tuple[float, float] | None = None,  # noqa: A002
 ) -> IndentationFit:
     """Fit moduli, times, thicknesses and more to measured force curves.
 
     Parameters
     ----------
     curves : ForceCurve, path, mapping or Dataset, or an iterable of these
-        Measured curves: files or folders (see `curve_files`), columns time, depth and force, or curves of
-        afmformats and nanite. All curves share the parameters of the model; each has its own contact point,
-        drift, stiffness and baseline of the force.
+        Measured curves: files or folders (see `curve_files`), mappings, frames or datasets with columns of
+        time, depth (or base) and force by their headings, or curves of afmformats and nanite. An elastic
+        model needs no time. All curves share the parameters of the model; each has its own contact point,
+        drift, stiffness and baseline of the force. Of several curves, those that cannot be used, such as
+        one without contact, are left out, with a warning.
     model : mapping, str or Path
         Body and indenter with the keys of a configuration (layer or layers, halfspace, punch), or a YAML
         file with them. The fit starts from these values. A key `free` names the free parameters.
     free : sequence of str, or mapping
         Dotted keys of the model, and contact_point, drift, force_offset, force_drift, tilt, stiffness; a
         mapping gives bounds as [low, high], or None.
+        A layer lies on a rigid base where the model has no halfspace; warnings name all that is assumed.
     units : sequence of str, or mapping, optional
-        Units of columns without units: of time, depth and force, such as ("s", "nm", "nN"), or by name.
+        Units of columns without units: of time, depth and force, such as ("s", "nm", "nN"), or by name. A
+        column that has another unit is refused; the numbers are converted to those of the model.
     decimal : str, optional
         Decimal mark of text files, "." or ",", where they leave it open.
     columns : sequence of str, optional
         Names of the columns of text files in place of their headings; "-" is not read.
     loss, profile, contact, segments, prescribed, stiffness, stiffness_error, adhesion, sensitivity, sampling
         See `FitOptions`.
+    baseline, weight, range
+        Steps before the fit, and rows that count, see `FitOptions`.
 
     Returns
     -------
@@ -125,9 +142,10 @@ def fit_indentation(
     >>> print(f"{fit['G0'].value:.2f}")
     7.00
     """
+    between = None if range is None else (float(range[0]), float(range[1]))
     options = FitOptions(
         loss, profile, contact, tuple(segments), prescribed, stiffness, stiffness_error, adhesion,
-        sensitivity, sampling,
+        sensitivity, sampling, baseline, weight, between,
     )  # fmt: skip
     single = isinstance(curves, (ForceCurve, str, Path)) or hasattr(curves, "keys") or _is_afm(curves)
     every: Iterable[Any] = [curves] if single else curves  # type: ignore[assignment]
@@ -136,10 +154,10 @@ def fit_indentation(
     pairs = units if isinstance(units, Mapping) else dict(zip(COLUMNS, units or (), strict=False))
     answers = Answers(decimal, tuple(pairs.items()), tuple(columns))
     timeless = made.is_timeless(keys)
-    measured = list(_curves(every, answers, units_of(made.config.units), options, timeless=timeless))
+    measured, lost = usable(_curves(every, answers, units_of(made.config.units), options, timeless=timeless))
     if not measured:
         raise FitError("got no curve; give at least one")
-    return fit_curves(measured, made, keys, options)
+    return fit_curves(measured, made, keys, options, notes=lost)
 
 
 def _is_afm(curve: Any) -> bool:
@@ -149,23 +167,38 @@ def _is_afm(curve: Any) -> bool:
 
 def _curves(
     curves: Iterable[Any], answers: Answers, into: Into, options: FitOptions, *, timeless: bool
-) -> Iterator[ForceCurve]:
-    """Yield the curves, given in any form that `fit_indentation` takes."""
+) -> Iterator[Callable[[], ForceCurve]]:
+    """Yield functions that return the curves, given in any form that `fit_indentation` takes."""
     for number, curve in enumerate(curves):
         if isinstance(curve, ForceCurve):
-            yield curve
+            yield partial(given_curve, curve, answers, into, options)
         elif isinstance(curve, (str, Path)):
             for entry in entries([Path(curve)]):
-                yield read_curve(entry, answers, into, options, timeless=timeless)
+                yield partial(read_curve, entry, answers, into, options, timeless=timeless)
         elif _is_afm(curve):
-            yield afm_curve(curve, f"{Path(curve.path).stem}-{curve.enum}", into, options, timeless=timeless)
-        elif all(key in curve for key in ("time", "depth", "force")):
-            time, depth, force = (np.asarray(curve[key]) for key in ("time", "depth", "force"))
-            words = {key: np.asarray(curve[key]).astype(str).tolist() for key in WORDS if key in curve}
-            facts = curve_facts(words, options.stiffness, options)
-            yield ForceCurve(str(number), time, depth, force, **facts)
+            name = f"{Path(curve.path).stem}-{curve.enum}"
+            yield partial(afm_curve, curve, name, into, options, timeless=timeless)
+        elif hasattr(curve, "keys"):
+            yield partial(held_curve, curve, str(number), answers, into, options, timeless=timeless)
         else:
-            raise FitError(f"curve {number}: must have the columns time, depth and force")
+            raise FitError(
+                f"curve {number}: got {type(curve).__name__}; must be a ForceCurve, a path, or a mapping, a "
+                "frame or a dataset with the columns time, depth and force"
+            )
+
+
+def usable(made: Iterable[Callable[[], ForceCurve]]) -> tuple[list[ForceCurve], list[str]]:
+    """Return the curves that can be used, and a sentence for each other one; CurveError if all are such."""
+    found: list[ForceCurve] = []
+    errors: list[CurveError] = []
+    for each in made:
+        try:
+            found.append(each())
+        except CurveError as error:
+            errors.append(error)
+    if errors and not found:
+        raise errors[0]
+    return found, [f"left out: {'; '.join(str(error).splitlines())}" for error in errors]
 
 
 def fit_curves(
@@ -175,13 +208,16 @@ def fit_curves(
     options: FitOptions,
     advise: bool = True,
     begin: Mapping[str, float] | None = None,
+    notes: Sequence[str] = (),
 ) -> IndentationFit:
     """Fit a checked model to curves, see `fit_indentation`; `advise` adds a proposal for a second curve.
 
-    The search starts at the parameters `begin` by name, or at the first guess.
+    The search starts at the parameters `begin` by name, or at the first guess. `notes` become warnings.
     """
+    curves, lost = usable(partial(_prepared, each, model, free, options) for each in curves)
+    notes = [*notes, *lost]
     if options.adhesion == CHOOSE:
-        return _best_adhesion(curves, model, free, options, advise)
+        return _best_adhesion(curves, model, free, options, advise, notes)
     if options.adhesion is not None:
         model, free = with_adhesion(model, free, options.adhesion, curves)
     names = [curve.name for curve in curves]
@@ -199,7 +235,7 @@ def fit_curves(
     refuse_adhesion(problem)
     u, scale = first_guess(problem)
     refuse_mixed_units(model, scale)
-    notes = list(warnings_before(curves, reached, model, scale))
+    notes = [*notes, *warnings_before(curves, reached, model, scale, free)]
     if begin is not None:
         u = np.clip(problem.coordinates({**problem.values(u), **begin}), *problem.bounds)
     start = problem.values(u)
@@ -211,8 +247,22 @@ def fit_curves(
     return replace(fit, warnings=(*fit.warnings, *second_curve(problem, u, fit, free)))
 
 
+def _prepared(curve: ForceCurve, model: IndentationModel, free: Free, options: FitOptions) -> ForceCurve:
+    """Return a curve with what the options ask for; CurveError where its contact point is not found."""
+    made = curve
+    if "prepared" not in curve.origin:  # else one of the fits that adhesion compares
+        made = prepared(curve, options, settled="contact_point" not in free)
+    curve_parameters([made], model, free, options)
+    return made
+
+
 def _best_adhesion(
-    curves: Sequence[ForceCurve], model: IndentationModel, free: Free, options: FitOptions, advise: bool
+    curves: Sequence[ForceCurve],
+    model: IndentationModel,
+    free: Free,
+    options: FitOptions,
+    advise: bool,
+    notes: Sequence[str],
 ) -> IndentationFit:
     """Fit without adhesion, with JKR and with DMT, and return the fit of the least BIC."""
     asked = dict(free) if isinstance(free, Mapping) else dict.fromkeys(free)
@@ -221,7 +271,7 @@ def _best_adhesion(
     def fitted(kind: str, begin: Mapping[str, float] | None = None) -> IndentationFit:
         foreign = {name for other, name in names.items() if other != kind}
         own = {key: bounds for key, bounds in asked.items() if key not in foreign}
-        return fit_curves(curves, model, own, replace(options, adhesion=kind), advise, begin)
+        return fit_curves(curves, model, own, replace(options, adhesion=kind), advise, begin, notes)
 
     if IsolatedContact(model.config).body.spectrum(np.array([1.0])).weights.size:
         del names["dmt"]  # of elastic bodies

@@ -9,26 +9,24 @@ from __future__ import annotations
 import json
 import math
 import re
-from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import h5py
 import numpy as np
 
-from gfmdlayer.figures.labels import Quantity, finish, name_axes
-from gfmdlayer.figures.plot_style import colours, new_figure, save, styled
+from gfmdlayer.figures.plot_style import save
 from gfmdlayer.files.whole import output_file
-from gfmdlayer.fitting.estimates import CurveFit, Estimate, IndentationFit, best_of
+from gfmdlayer.fitting.estimates import best_of
 from gfmdlayer.fitting.material import YAML, plain_name, with_suffixes, written
+from gfmdlayer.fitting.result import CurveFit, Estimate, IndentationFit, fit_figure, summary
 from gfmdlayer.results.names import ResultsError
 from gfmdlayer.results.netcdf import add_variable, new_file, set_attributes
 from gfmdlayer.results.provenance import provenance
 from gfmdlayer.validation import text
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
+    pass
 
 # In HDF5: the value, standard error and 95 % interval of each parameter; and facts of the fit.
 COLUMNS = ("estimate", "error", "low", "high")
@@ -226,34 +224,6 @@ def _estimate(estimate: Estimate) -> dict[str, Any]:
     }
 
 
-def summary(fit: IndentationFit) -> list[str]:
-    """Return lines with the estimates, the noise, the correlations and the warnings."""
-    rows = sum(fitted.curve.time.size for fitted in fit.curves)
-    number = "1 curve" if len(fit.curves) == 1 else f"{len(fit.curves)} curves"
-    parameters = "1 free parameter" if len(fit.parameters) == 1 else f"{len(fit.parameters)} free parameters"
-    return [
-        f"Fit of {number}, {rows} rows, {parameters}. AIC {fit.aic:.2f}, BIC {fit.bic:.2f}.",
-        *_table(fit.parameters),
-        *([f"adhesion: {fit.choice}"] if fit.choice else []),
-        *(line for fitted in fit.curves[:SHOWN_CURVES] for line in _curve(fitted)),
-        *_correlations(fit),
-        *(f"warning: {warning}" for warning in fit.warnings),
-    ]
-
-
-def _curve(fitted: CurveFit) -> Iterator[str]:
-    """Yield lines with the segments of a curve, as given or guessed, and its noise."""
-    name, guessed = fitted.curve.name, fitted.curve.guessed
-    if account := fitted.curve.origin.get("account"):
-        yield str(account)
-    yield f"segments of {name}: {', '.join(map(str, fitted.curve.segments))}" + (
-        f" ({guessed})" if guessed else ""
-    )
-    noise = {"force": fitted.noise, "depth": fitted.depth_noise}
-    words = (f"{value:.4g} of the {key}" for key, value in noise.items() if math.isfinite(value))
-    yield f"noise of {name}: {', '.join(words)}"
-
-
 def comparison(fits: dict[str, IndentationFit]) -> list[str]:
     """Return a table of models with their information criteria, the best by BIC first."""
     best_aic, (best, criteria) = min(f.aic for f in fits.values()), best_of(fits)
@@ -265,68 +235,3 @@ def comparison(fits: dict[str, IndentationFit]) -> list[str]:
             f"{criteria[name] - criteria[best]:11.2f}"
         )
     return lines
-
-
-def _table(estimates: Sequence[Estimate]) -> Iterator[str]:
-    width = max(len("parameter"), *(len(estimate.name) for estimate in estimates))
-    profiled = any(estimate.profile for estimate in estimates)
-    profile_head = "  95 % profile interval" if profiled else ""
-    yield f"{'parameter':{width}}  {'value':>12}  {'error':>10}  {'95 % interval':26}{profile_head}".rstrip()
-    for estimate in estimates:
-        low, high = estimate.interval
-        line = f"{estimate.name:{width}}  {estimate.value:12.6g}  {estimate.standard_error:10.3g}  "
-        line += f"{f'{low:.6g} to {high:.6g}':26}"
-        if estimate.profile:
-            line += f"  {estimate.profile[0]:.6g} to {estimate.profile[1]:.6g}"
-        yield line.rstrip()
-
-
-def _correlations(fit: IndentationFit) -> Iterator[str]:
-    if len(fit.parameters) < 2 or len(fit.parameters) > 2 * SHOWN_CURVES:
-        return
-    yield "correlation:"
-    for estimate, row in zip(fit.parameters, fit.correlation, strict=True):
-        yield "  " + " ".join(f"{value:6.3f}" for value in row) + f"  {estimate.name}"
-
-
-def fit_figure(fit: IndentationFit) -> Figure:
-    """Draw the measured quantities with the fit and its 95 % band over time, and below them the residuals."""
-    shown = fit.curves[:SHOWN_CURVES]
-    quantities = [
-        (name, by_force)
-        for name, by_force in (("force", False), ("depth", True))
-        if any((fitted.curve.by_force == by_force).any() for fitted in shown)
-    ]
-    units = fit.config.units
-    with styled():
-        figure = new_figure(2 if len(quantities) > 1 else 1, 100.0)
-        axes = figure.subplots(2, len(quantities), sharex=True, squeeze=False, height_ratios=(2.2, 1))
-        for number, ((name, by_force), (above, below)) in enumerate(zip(quantities, axes.T, strict=True)):
-            for fitted, colour in zip(shown, colours(len(shown) + 1), strict=False):
-                if (fitted.curve.by_force == by_force).any():
-                    _draw(above, below, fitted, by_force, colour)
-            above.set_title(f"({'abcd'[number]})", loc="left")
-            handles, labels = above.get_legend_handles_labels()
-            above.legend(handles[:3], labels[:3])
-            below.axhline(0, color="black", linewidth=0.5)
-            words = {"force": "force", "depth": "length"}[name]
-            time, unit = ("" if units is None else units.label(word) for word in ("time", words))
-            name_axes(above, y=Quantity(name, unit))
-            name_axes(below, Quantity("time", time), Quantity("residual", unit))
-            below.set_title(f"({'abcd'[len(quantities) + number]})", loc="left")
-        finish(figure)
-    return figure
-
-
-def _draw(above: Axes, below: Axes, curve_fit: CurveFit, by_force: bool, colour: str) -> None:
-    rows = curve_fit.curve.by_force == by_force
-    fitted = np.where(rows, curve_fit.depth if by_force else curve_fit.force, np.nan)  # gaps where prescribed
-    measured = np.where(rows, curve_fit.curve.measured, np.nan)
-    time, band = curve_fit.curve.time, curve_fit.band
-    thin = max(1, time.size // 400)  # more markers would hide the line
-    above.plot(time[::thin], measured[::thin], ".", color="0.6", ms=2.2, mew=0, label="measured")
-    above.plot(time, fitted, color=colour, linewidth=1.0, label="fitted")
-    above.fill_between(time, fitted - band, fitted + band, color=colour, alpha=0.3, lw=0, label="95 % band")
-    residual = np.where(curve_fit.used, measured - fitted, np.nan)
-    below.plot(time[::thin], residual[::thin], ".", color=colour, ms=1.8, mew=0)
-    below.fill_between(time, -band, band, where=rows, color=colour, alpha=0.3, lw=0)

@@ -42,7 +42,7 @@ def fit_material(
     shift: WLF | None = None,
     normalise: bool = False,
     force: bool = False,
-    poisson: float = 0.5,
+    poisson: float | None = None,
     answers: Answers = Answers(),  # noqa: B008
 ) -> str:
     """Fit a law to a file of measurements, write the material and a figure, and return a summary.

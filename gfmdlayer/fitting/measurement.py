@@ -267,14 +267,15 @@ _TAU = re.compile(r"(tau|τ)([ _]?[ikn]|_relax)?\b|relaxation[ _]times?", re.IGN
 _AGREE = 0.05  # median of the relative differences of a further column from the two that are read
 
 
-def read(path: Path, poisson: float = 0.5, answers: Answers = Answers()) -> Measurement:  # noqa: B008
+def read(path: Path, poisson: float | None = None, answers: Answers = Answers()) -> Measurement:  # noqa: B008
     """Read a measured curve from a table: moduli over frequency, or a modulus or a compliance over time.
 
-    The columns go by their names; without names they are omega, G', G'', or t, G. `poisson` converts moduli
-    and compliances in tension. Rows are sorted by frequency or time.
+    The columns go by their names; without names they are omega, G', G'', or t, G, or E where the answers say
+    so. `poisson`, 1/2 by default, converts moduli and compliances in tension. Rows are sorted by frequency or
+    time.
     """
     table = read_table(path, WANTED, answers, orders=ORDERS, apart=WANTED[:_APART])
-    columns = _Quantities(table, 1 / (2 * (1 + poisson)))
+    columns = _Quantities(table, 1 / (2 * (1 + (0.5 if poisson is None else poisson))))
     kind, abscissa, needed = _way(columns, answers)
     values = {name: columns.take(name) for name in (abscissa, *needed)}
     x, notes = values[abscissa], []
@@ -294,8 +295,18 @@ def read(path: Path, poisson: float = 0.5, answers: Answers = Answers()) -> Meas
         raise TableError(f"{path}: holds {order.size} rows of numbers; must be at least {FEWEST_ROWS}")
     if (np.diff(order) < 0).any():
         notes.append(f"The rows are sorted by {abscissa}.")
+    headless = not any(column.heading for column in table.columns.values())
     if columns.tension:
-        notes.append(f"Moduli in tension are divided by 2 (1 + nu), with Poisson's ratio nu = {poisson:g}.")
+        assumed = "nu = 0.5, which is assumed" if poisson is None else f"nu = {poisson:g}"
+        notes.append(f"Moduli in tension are divided by 2 (1 + nu), with Poisson's ratio {assumed}.")
+    elif headless:
+        asked = answers.to_give("modulus", "E")
+        if poisson is not None and answers.modulus is None:
+            either = f"in shear, and need no Poisson's ratio, or in tension; say which, {asked} or G"
+            raise TableError(f"{path}: has no headings: its moduli may be {either}")
+        notes.append(f"No headings: {' and '.join(needed)} are taken in shear; {asked} for tension.")
+    elif poisson is not None:
+        notes.append(f"Poisson's ratio {poisson:g} has no effect: {' and '.join(needed)} are in shear.")
     if kind is MasterCurve:
         moduli = _PAIRS[needed[0], needed[1]](values[needed[0]], values[needed[1]])
         columns.refuse_contradictions(moduli, needed)

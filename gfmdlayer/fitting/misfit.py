@@ -36,6 +36,7 @@ SHARED, FLIPS, FEWEST_CURVES = (
     6,
 )  # cosines and random signs of several curves; curves of one protocol
 WITHIN = 0.1  # of the noise: smaller residuals give no doubt, whatever their order
+NOISE_ONLY = "the intervals contain noise only"
 WIDER = 1.5  # factor of the intervals by correlated noise that is worth a word
 
 
@@ -46,33 +47,49 @@ class ResidualShape:
     name: str
     ratio: float  # its size over the largest one that noise has
     changes: FloatArray  # of the parameters u of the fit, if the model could make it
+    # Measured less predicted values that the shape, with these changes, would explain; of each curve at all
+    # its rows.
+    rows: list[FloatArray]
+
+
+def found_shapes(
+    problem: LeastSquares, u: FloatArray, residuals: FloatArray, jacobian: FloatArray
+) -> list[ResidualShape]:
+    """Return the shapes in the residual that are larger than noise makes them, the largest first."""
+    if problem.is_exact or np.mean(residuals[: problem.rows] ** 2) < WITHIN**2:
+        return []
+    found = (shape for shape in shapes(problem, u, residuals, jacobian) if shape.ratio > 1)
+    return sorted(found, key=lambda shape: -shape.ratio)
 
 
 def doubts(
-    problem: LeastSquares, u: FloatArray, residuals: FloatArray, jacobian: FloatArray, widened: float
+    problem: LeastSquares,
+    u: FloatArray,
+    residuals: FloatArray,
+    found: Sequence[ResidualShape],
+    widened: float,
 ) -> Iterator[str]:
     """Yield a sentence for each sign that the residuals at u are not noise, or correlated noise.
 
-    `residuals` and `jacobian` as of the problem; `widened`: factor of the intervals by correlated noise.
+    `residuals` as of the problem; `found`: see `found_shapes`; `widened`: factor of the intervals by
+    correlated noise.
     """
-    if np.mean(residuals[: problem.rows] ** 2) < WITHIN**2:
+    if problem.is_exact or np.mean(residuals[: problem.rows] ** 2) < WITHIN**2:
         return
-    found = [shape for shape in shapes(problem, u, residuals, jacobian) if shape.ratio > 1]
     apart = [pair for pair in map(_beside_baseline, _used(problem, residuals)) if pair is not None]
     worst = max((ratio for ratio, chance in apart if chance < CHANCE / len(apart)), default=0.0)
     if found:
-        found.sort(key=lambda shape: -shape.ratio)
         yield _sentence(problem, u, found)
     if worst:
         yield (
             f"slow residuals in contact are {worst:.2g} times those before contact: the model does not make "
-            "them, and the intervals contain noise only"
+            f"them, and {NOISE_ONLY}"
         )
     shared = _shared(problem, residuals)
     if shared < CHANCE:
         yield (
             f"the residuals of the {len(problem.predictions)} curves have a shape in common (probability by "
-            f"chance {shared:.2g}): the model does not make it, and the intervals contain noise only"
+            f"chance {shared:.2g}): the model does not make it, and {NOISE_ONLY}"
         )
     if widened > WIDER and not (found or worst):
         noise = "as before contact" if apart else "with those of their neighbours"
@@ -83,7 +100,7 @@ def shapes(
     problem: LeastSquares, u: FloatArray, residuals: FloatArray, jacobian: FloatArray
 ) -> Iterator[ResidualShape]:
     """Yield the shapes that the model cannot make, with their sizes in the residual."""
-    columns = _columns(problem, u)
+    columns, derivatives = _columns(problem, u), problem.derivatives(u)
     blocks = [rows for each in problem.predictions for rows in each.blocks]
     m = u.size
     for name, rows in columns.items():
@@ -97,8 +114,14 @@ def shapes(
         own[0, m] = 1.0
         level = 1 - CHANCE / len(columns)
         made = mixture(-residuals, whole, blocks, level=level, along=own, generalised=True)
-        changes = np.asarray(np.linalg.lstsq(whole, -residuals, rcond=None)[0][:m], dtype=float)
-        yield ResidualShape(name, float(abs(made.centers[0]) / made.half[0]), changes)
+        *changes, own_size = np.linalg.lstsq(whole, -residuals, rcond=None)[0].tolist()
+        explained = [
+            column * (own_size / size)
+            + sum(change * of_u[i] for change, of_u in zip(changes, derivatives, strict=True))
+            for i, column in enumerate(rows)
+        ]
+        ratio = float(abs(made.centers[0]) / made.half[0])
+        yield ResidualShape(name, ratio, np.array(changes), explained)
 
 
 def _columns(problem: LeastSquares, u: FloatArray) -> dict[str, list[FloatArray]]:
@@ -221,4 +244,4 @@ def _sentence(problem: LeastSquares, u: FloatArray, found: Sequence[ResidualShap
         percents = [f"{100 * (each / value[name] - 1):+.2g}" for each in changed]
         many = percents[0] if len(percents) == 1 else f"{', '.join(percents[:-1])} or {percents[-1]}"
         sentence += f", and {name} would change by {many} %"
-    return f"{sentence}. The intervals contain noise only"
+    return f"{sentence}. {NOISE_ONLY.capitalize()}"

@@ -82,6 +82,8 @@ class Prediction:
                 first, *_, last = np.flatnonzero(counts).tolist() * 2
                 counts[first:last] = True
             self.used &= ~by_force | counts
+        if curve.weights is not None:
+            self.used &= curve.weights > 0
         if not self.used.any():
             known = ", ".join(dict.fromkeys(segment.name for segment in curve.segments))
             raise CurveError(

@@ -10,13 +10,13 @@ the residuals by the noise of the prescribed quantity.
 Derivatives are forward differences of solutions without extrapolation to zero step, whose error of second
 order in the step hardly changes between two of them. Some are exact and need no solution: the derivatives to
 corrections of the measured quantity, and, where all moduli of the body are free and depths prescribed, the
-derivative to the last modulus: the force is of first degree in the moduli (Euler), sum_k dF/d(ln G_k) = F.
+derivative to the largest modulus: the force is of first degree in the moduli (Euler), sum_k dF/d(ln G_k) = F.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Literal
@@ -38,6 +38,7 @@ from gfmdlayer.fitting.force_curve import (
     CurveError,
     ForceCurve,
     baseline,
+    numbers_in,
     onset,
 )
 from gfmdlayer.fitting.measurement import FitError
@@ -45,6 +46,7 @@ from gfmdlayer.fitting.prediction import Prediction
 from gfmdlayer.fitting.stepped import KEPT
 from gfmdlayer.indentation.indent import as_revolution
 from gfmdlayer.validation.problems import shown, unknown_key
+from gfmdlayer.validation.sections import Section
 
 # The free parameters: keys of the model and values of a curve, their bounds and scales.
 
@@ -70,16 +72,18 @@ class IndentationModel:
             raise ConfigError([f"{key}: {unknown_key(key, SECTIONS, ())}" for key in foreign])
         grid = {"geometry": "axisymmetric"} | dict(data.get("grid") or {})
         self._given = dict(data)
-        # The curves have the history; the default depth may be impossible for this body.
+        # The curves have the history; the default depth may be impossible for this body. A sample lies on
+        # a rigid base, as that of `bonded_layer`, where the model does not say otherwise.
         own = {key: value for key, value in data.items() if key != "adhesion"}
-        case = {"name": "indentation"} | own | {"grid": grid, "trajectory": {"depth": 0.0}}
+        rigid = {"halfspace": {"shear_modulus": math.inf}}
+        case = {"name": "indentation"} | rigid | own | {"grid": grid, "trajectory": {"depth": 0.0}}
         self.adhesion = read_adhesion(data["adhesion"]) if "adhesion" in data else None
         try:
             self.config = Config.model_validate(case)
         except ValidationError as error:
             raise ConfigError(map(str, explain(error))) from None
         self._data = self.config.model_dump(exclude_none=True)
-        self.keys = dict(_numbers(self._data | {"adhesion": self.adhesion or {}}))
+        self.keys = dict(numbers_in(self._data | {"adhesion": self.adhesion or {}}))
 
     def under(self, punch: Mapping[str, Any]) -> IndentationModel:
         """Return the model with another indenter."""
@@ -89,6 +93,22 @@ class IndentationModel:
         """Return the model with other adhesion, or without."""
         rest = {key: value for key, value in self._given.items() if key != "adhesion"}
         return IndentationModel(rest if adhesion is None else rest | {"adhesion": dict(adhesion)})
+
+    def assumed(self, free: Iterable[str]) -> list[str]:
+        """Return what decides the result and is neither given nor free, as key = value."""
+        found: dict[str, Any] = {}
+        for at in ("layer", "layers", "halfspace", "punch"):
+            section = getattr(self.config, at)
+            parts = section if isinstance(section, tuple) else () if section is None else (section,)
+            for i, part in enumerate(parts):
+                place = f"{at}[{i}]" if isinstance(section, tuple) else at
+                found |= _defaults(part, place, given=at in self._given)
+        idle = without_effect(self.config)
+        return [
+            f"{key} = {_worded(key, value)}"
+            for key, value in found.items()
+            if key not in {*free} and not key.startswith(idle)
+        ]
 
     def with_values(self, values: dict[str, float]) -> Config:
         """Return the configuration in which the dotted keys have these values."""
@@ -184,16 +204,34 @@ def _bounds(asked: Sequence[float] | None, default: Bounds) -> Bounds:
     return default if asked is None else (float(asked[0]), float(asked[1]))
 
 
-def _numbers(data: Any, at: str = "") -> Iterator[tuple[str, float]]:
-    """Yield the dotted keys of all numbers of the layers, the halfspace and the punch."""
-    items: Any = enumerate(data) if isinstance(data, (list, tuple)) else data.items()
-    for key, value in items:
-        place = f"{at}[{key}]" if isinstance(key, int) else f"{at}.{key}".lstrip(".")
-        if isinstance(value, (Mapping, list, tuple)):
-            if at or key in {"layer", "layers", "halfspace", "punch", "adhesion"}:
-                yield from _numbers(value, place)
-        elif at and isinstance(value, (int, float)) and not isinstance(value, bool):
-            yield place, float(value)
+def without_effect(config: Config) -> tuple[str, ...]:
+    """Return how keys begin on which nothing depends: the base below an infinite layer, nu of a rigid one."""
+    base, last = config.halfspace, (config.layers or (config.layer,))[-1]
+    if last is not None and math.isinf(last.thickness):
+        return ("halfspace.",)
+    return ("halfspace.poisson",) if base is not None and base.shear_modulus == math.inf else ()
+
+
+_DECIDE_NOTHING = {"tolerance", "moduli"}
+
+
+def _defaults(section: Section, at: str, given: bool) -> dict[str, Any]:
+    """Return the numbers and words of a section that are defaults, by their dotted keys."""
+    found: dict[str, Any] = {}
+    for name in type(section).model_fields:
+        value, key = getattr(section, name), f"{at}.{name}"
+        is_given = given and name in section.model_fields_set
+        if isinstance(value, Section):
+            found |= _defaults(value, key, is_given)
+        elif not is_given and name not in _DECIDE_NOTHING and isinstance(value, (int, float, str)):
+            found[key] = value
+    return found
+
+
+def _worded(key: str, value: Any) -> str:
+    if key == "halfspace.shear_modulus" and value == math.inf:
+        return ".inf (a rigid base)"
+    return value if isinstance(value, str) else f"{value:g}"
 
 
 TRIES = 3  # the differences are repeated when the nodes changed on the way, at most so often
@@ -376,6 +414,8 @@ class LeastSquares:
         """Return the standard deviation of the measured quantity of a curve, shape (rows,)."""
         prediction = self.predictions[i]
         noise = np.where(prediction.curve.by_force, self.noise[i, 1], self.noise[i, 0])
+        if prediction.curve.weights is not None:
+            noise = noise / np.where(prediction.used, prediction.curve.weights, 1.0)
         return np.where(prediction.touch.uncertain, np.inf, noise)
 
     def noise_is_given(self, i: int) -> BoolArray:
@@ -388,9 +428,18 @@ class LeastSquares:
     @cached_property
     def least_noise(self) -> FloatArray:
         """The errors of a solution in steps, which a curve without noise does not make exact: see `noise`."""
-        part = 0.0 if self.is_elastic else SOLVED
-        ranges = [[np.ptp(each.curve.force), np.ptp(each.curve.depth)] for each in self.predictions]
-        return np.asarray(part * np.array(ranges))
+        return (0.0 if self.is_elastic else SOLVED) * self._ranges
+
+    @property
+    def _ranges(self) -> FloatArray:
+        """Ranges of force and depth of each curve, shape (curves, 2)."""
+        return np.array([[np.ptp(each.curve.force), np.ptp(each.curve.depth)] for each in self.predictions])
+
+    @property
+    def is_exact(self) -> bool:
+        """Whether the noise that was estimated is within the error of a solution in steps."""
+        estimated = ~np.array([self.noise_is_given(i) for i in range(len(self.predictions))])
+        return bool(estimated.any() and np.all((self.noise <= SOLVED * self._ranges)[estimated]))
 
     @property
     def noise_is_known(self) -> bool:
@@ -514,19 +563,19 @@ class LeastSquares:
             columns = [self._column(i, u, rough) for i in range(u.size)]
             if self._changes == before:
                 break
-        if self._euler is not None:
-            *others, last = self._euler
+        if (exact := self._by_euler(u)) is not None:
+            others = [i for i in self._euler or () if i != exact]
             values = self.measured(u)
             for k, prediction in enumerate(self.predictions):
                 force = values[k] - baseline(prediction.curve, self.correction(u, prediction.curve))
-                columns[last][k] = force - sum((columns[i][k] for i in others), np.zeros(1))
+                columns[exact][k] = force - sum((columns[i][k] for i in others), np.zeros(1))
         self._slopes = ((u.tobytes(), self._changes), columns)
         return columns
 
     def _column(self, i: int, u: FloatArray, at_u: list[FloatArray]) -> list[FloatArray]:
-        """Derivative of the measured values to one parameter; zeros for the last one by Euler's theorem."""
+        """Derivative of the measured values to one parameter; zeros for the one by Euler's theorem."""
         parameter = self.parameters[i]
-        if self._euler is not None and i == self._euler[-1]:
+        if i == self._by_euler(u):
             return [np.zeros(1) for _ in at_u]
         moved, column = self._moved(i, u), []
         for values, prediction in zip(at_u, self.predictions, strict=True):
@@ -575,6 +624,13 @@ class LeastSquares:
     def _measured(self, u: FloatArray, prediction: Prediction, rough: bool = False) -> FloatArray:
         self.solutions += 1
         return prediction.measured(*self.at(u, prediction), rough)
+
+    def _by_euler(self, u: FloatArray) -> int | None:
+        """Return the modulus whose derivative follows from the others': the largest, the last of equal ones.
+
+        The error of the others' differences would exceed the derivative to a small one.
+        """
+        return max(self._euler[::-1], key=lambda i: float(u[i])) if self._euler else None
 
     @cached_property
     def _euler(self) -> list[int] | None:
@@ -679,11 +735,17 @@ def refuse_adhesion(problem: LeastSquares) -> None:
 
 
 def warnings_before(
-    curves: Sequence[ForceCurve], reached: Mapping[str, float], model: IndentationModel, factor: float
+    curves: Sequence[ForceCurve],
+    reached: Mapping[str, float],
+    model: IndentationModel,
+    factor: float,
+    free: Iterable[str],
 ) -> Iterator[str]:
-    """Yield warnings about curves under a model; its moduli times `factor` fit the force."""
+    """Yield defaults of the model, and doubts about the curves; its moduli times `factor` fit the force."""
     thickness, _ = _thickness(model)
     radius = model.keys.get("punch.radius", np.inf)
+    if assumed := model.assumed(free):
+        yield f"the model leaves open, and the fit assumes: {', '.join(assumed)}"
     for curve in curves:
         yield from (f"curve {curve.name}: {warning}" for warning in curve.warnings())
         if curve.looks_swapped() and onset(as_revolution(model.config.punch)) > 1:

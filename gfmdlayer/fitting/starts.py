@@ -15,7 +15,7 @@ import numpy as np
 from gfmdlayer.arrays import FloatArray
 from gfmdlayer.config import ConfigError
 from gfmdlayer.fitting.elastic import KINDS, NO_ADHESION, work_for
-from gfmdlayer.fitting.estimates import CANDIDATES, PART, ContactPoint, FitOptions, detect
+from gfmdlayer.fitting.estimates import CANDIDATES, PART, ContactPoint, contact_point, detect
 from gfmdlayer.fitting.force_curve import DEPTH, CurveError, ForceCurve, baseline, noise_of
 from gfmdlayer.fitting.prediction import Prediction
 from gfmdlayer.fitting.problem import (
@@ -29,6 +29,7 @@ from gfmdlayer.fitting.problem import (
     LeastSquares,
     free_parameters,
 )
+from gfmdlayer.fitting.result import FitOptions
 from gfmdlayer.indentation.equilibrium import EdgeAdhesion
 from gfmdlayer.indentation.indent import as_revolution
 from gfmdlayer.punch.revolution import abel_transform
@@ -161,10 +162,21 @@ def curve_parameters(
         else parameter
         for parameter in parameters
     ]
+    if options.contact != "detect" and "contact_point" not in asked:
+        return parameters
     if options.contact == "given":
         return parameters
     sticks = model.adhesion is not None or options.adhesion is not None
-    points = {name: _touch(curve) if sticks else detect(curve) for name, curve in starts.items()}
+    points = {
+        name: _touch(curve) if sticks else contact_point(curve, options.contact)
+        for name, curve in starts.items()
+    }
+    if "tilt" in asked:  # the offset is that of the first row
+        first = {name: float(curve.position_of_drive[0]) for name, curve in starts.items()}
+        points = {
+            name: point._replace(offset=point.offset - point.slope * (point.depth - first[name]))
+            for name, point in points.items()
+        }
     return [
         _from_detection(parameter, points[parameter.curve]) if parameter.key in spans else parameter
         for parameter in parameters
@@ -206,9 +218,10 @@ def _change(curve: ForceCurve) -> ContactPoint:
 
 
 def _from_detection(parameter: FreeParameter, point: Any) -> FreeParameter:
-    start = {"contact_point": point.depth, "force_offset": point.offset}.get(parameter.key, parameter.start)
+    found = {"contact_point": point.depth, "force_offset": point.offset, "tilt": point.slope}
+    start = found.get(parameter.key, parameter.start)
     low, high = parameter.bounds
-    if parameter.key in {"contact_point", "force_offset"}:
+    if parameter.key in found:
         low, high = min(low, 2 * start), max(high, 2 * start)
     return replace(parameter, start=start, bounds=(low, high))
 

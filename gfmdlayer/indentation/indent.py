@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.interpolate import CubicSpline
 
-from gfmdlayer.arrays import FloatArray
+from gfmdlayer.arrays import FloatArray, unmasked
 from gfmdlayer.body.body import Body, check_body
 from gfmdlayer.body.materials import Law
 from gfmdlayer.config.geometries import FINEST
@@ -36,7 +36,7 @@ from gfmdlayer.indentation.solve import (
     work_done,
 )
 from gfmdlayer.observables import INDENTATION
-from gfmdlayer.observables.energy_balance import CLOSED, TOLERANCES, open_balance
+from gfmdlayer.observables.energy_balance import unbalanced
 from gfmdlayer.punch.revolution import OfRevolution, Revolution, abel_transform, heights, of_table
 from gfmdlayer.results.names import VARIABLES
 
@@ -264,22 +264,17 @@ class IsolatedIndentation:
         """Return the profiles at the snapshots."""
         return profiles(self.solved, self.profile, self._kept, self.radii)
 
-    @property
-    def warnings(self) -> list[str]:
-        """Lines on contacts that are not one disc, and on an open balance of the energies."""
-        return [*self._below_zero, *self._unbalanced()]
-
-    def _unbalanced(self) -> Iterator[str]:
-        """Yield that the energies miss a part of the work; in jumps of adhesion it is lost."""
+    def unbalanced(self, section: str = "") -> str:
+        """Say that the energies miss a part of the work; with adhesion they lack what jumps lose."""
         columns = self.columns()
-        part = float(np.abs(columns["energy_residual"]).max()) / (float(np.abs(columns["work"]).max()) or 1.0)
-        limit = CLOSED if self.step else TOLERANCES * self.tolerance + _OF_PARABOLAS
-        if not self.adhesion.work and part > limit:
-            key, value = ("step", self.step) if self.step else ("tolerance", self.tolerance)
-            yield open_balance(part, limit, f"time.{key}", value)
+        missed, *energies = (float(np.abs(columns[name]).max()) for name in ("energy_residual", *_ENERGIES))
+        if self.adhesion.work or not missed:
+            return ""
+        part = missed / max(energies)
+        return unbalanced(part, 0.0 if self.step else self.tolerance, step=self.step or 0.0, section=section)
 
     @cached_property
-    def _below_zero(self) -> list[str]:
+    def warnings(self) -> list[str]:
         """Lines on pressures or gaps below zero, where the contact is not one disc.
 
         A transform of the pressure that falls from the axis to the edge, and one of the gap that is not
@@ -302,9 +297,8 @@ class IsolatedIndentation:
         ]
 
 
-_OF_PARABOLAS = 5e-5  # part of the work that the parabolas between rows miss on a fixed mesh; measured 2e-5
-
 FIELDS = ("pressure", "displacement", "gap")
+_ENERGIES = ("work", "stored", "dissipated")
 
 
 def _beside_springs(body: Body, duration: float) -> Body:
@@ -428,7 +422,7 @@ def indent(
         coordinates |= {
             name: (name, each, about[name]) for name, each in (("snapshot", fields.time), ("r", fields.r))
         }
-    for line in run.warnings:
+    for line in filter(None, (*run.warnings, run.unbalanced())):
         warnings.warn(line, stacklevel=2)
     return xarray.Dataset(data, coordinates, attributes)
 
@@ -484,8 +478,10 @@ def _history(time: ArrayLike, depth: ArrayLike | None, force: ArrayLike | None) 
         got = "neither" if depth is None else "both"
         raise ValueError(f"depth, force: got {got}; must be one of the two")
     name = "depth" if force is None else "force"
-    times = np.asarray(time, dtype=float)
-    values: FloatArray = np.asarray(depth if force is None else force, dtype=float)
+    prescribed = depth if force is None else force
+    assert prescribed is not None
+    times: FloatArray = unmasked(time).astype(np.float64)
+    values: FloatArray = unmasked(prescribed).astype(np.float64)
     if times.ndim != 1 or times.size < 2 or values.shape != times.shape:
         raise ValueError(
             f"{name}: got shape {values.shape} for times of shape {times.shape}; must be equal, two or more"

@@ -150,22 +150,24 @@ class IsolatedContact(Model):
             for i, time in enumerate(kept.time.tolist()):
                 recorder.snapshot(time, {name: profiles[i] for name, profiles in fields.items()})
         recorder.note(error=solved.error, solutions=solved.solutions)
-        if said := contact.warnings:
+        if said := [*filter(None, (*contact.warnings, contact.unbalanced("time.")))]:
             recorder.note(warnings="\n".join(said))
         return said
 
 
 def smallest_equivalent_case(config: Config) -> Config:
-    """Return one ramp of the same kind whose contact is small beside the layers; a wide one takes long."""
-    control, body = config.trajectory.control, config.solid
-    size = min((each for each in body.thicknesses if 0 < each < math.inf), default=1.0)
-    value = 1e-2 * size if control == "depth" else 1e-3 * size**2 * min(body.moduli)
-    return config.with_values(
+    """Return one ramp of the same kind, small beside its layers, with numbers of its own."""
+    from gfmdlayer.case.case import sections_like
+    from gfmdlayer.config import Config
+
+    control = config.trajectory.control
+    return Config.model_validate(
         {
-            "grid": {"geometry": config.grid.geometry, "points": config.grid.points},
-            "punch": {"shape": "parabola", "radius": size},
-            "trajectory": {"control": control, control: value},
+            "name": config.name,
+            "grid": {"geometry": config.grid.geometry, "points": 16},
+            "punch": {"shape": "sphere", "radius": 0.05},
+            "trajectory": {"control": control, control: 5e-4 if control == "depth" else 2.5e-6},
             "time": {"end": 2.0, "step": 1.0},
-            "output": {},
+            **sections_like(config),
         }
     )

@@ -39,7 +39,7 @@ from gfmdlayer.indentation.march import (
     MarchNodes,
     march,
 )
-from gfmdlayer.kernels import kernel
+from gfmdlayer.kernels import announce, kernel
 from gfmdlayer.punch.revolution import Revolution, abel_transform
 
 
@@ -205,6 +205,7 @@ def march_on(
     accuracy = _EDGE if located == 1 else _ROUGH_EDGE
     by_force, law = history.by_force_at(time), adhesion.law(body)
     drive = MarchDrive(time, value, by_force, breakpoints, kept, law, located, accuracy)
+    announce(march, 50)
     marched = march(body, _branches(body), profile, space.nodes, drive)
     if marched.status == COMPLETE:
         return marched

@@ -24,6 +24,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from gfmdlayer.arrays import unmasked
 from gfmdlayer.body.solid import Solid
 from gfmdlayer.case.accuracy import accuracy
 from gfmdlayer.case.model import ConvergenceError, model_of
@@ -86,7 +87,7 @@ def _table(name: str, history: History) -> MemoryFile:
     """Return a file in memory with the rows of an array."""
     try:
         pair = isinstance(history, tuple) and len(history) == 2
-        rows = np.column_stack(history) if pair else np.asarray(history)  # type: ignore[arg-type]
+        rows = np.column_stack([*map(unmasked, history)]) if pair else unmasked(history)  # type: ignore[arg-type]
         rows = rows.astype(np.float64)
     except (TypeError, ValueError) as error:
         raise ConfigError([f"{name}: {error}; must be an (m, 2) array, or a pair of arrays"]) from None

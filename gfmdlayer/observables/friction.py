@@ -178,6 +178,8 @@ class Slip(Observable):
     def __init__(self, case: Observed) -> None:
         self._names = [column.name for column in self.columns(case.config) or ()]
         self._direction, self._time = direction(case.config), case.config.time
+        alone = case.config.grid.isolated and case.config.trajectory.moves
+        self._by_spacings = alone or self._time.at_once
         self._heat = self._change = 0.0
         self._times = [math.nan] * len(self.NUMBERS)
 
@@ -189,13 +191,17 @@ class Slip(Observable):
     @property
     def warning(self) -> str:  # type: ignore[override]
         """Say that tractions change too much in a step for the heat of slip."""
-        if isinstance(self._time.step, str) or self._change <= _CHANGES * self._heat:
+        step = 0.0 if isinstance(self._time.step, str) else self._time.step
+        if not (step or self._by_spacings) or self._change <= _CHANGES * self._heat:
             return ""
         part = self._change / self._heat
-        remedy = rounded_down(0.5 * _CHANGES / part * self._time.step)
+        if self._by_spacings:
+            remedy = "more grid.points: a step moves by whole spacings"
+        else:
+            remedy = f"time.step {rounded_down(0.5 * _CHANGES / part * step)}"
         return (
             f"SLIP HEAT is rough: in steps with slip the traction changes by {part:.2g} of itself, more than "
-            f"{_CHANGES:g}; use time.step {remedy}"
+            f"{_CHANGES:g}; use {remedy}"
         )
 
     def measure(self, step: Step) -> Mapping[str, float]:

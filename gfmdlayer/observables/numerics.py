@@ -132,7 +132,8 @@ class SteadyState(Observable):
         self._least: tuple[float, ...] = ()
         self._most: tuple[float, ...] = ()
         self.attributes = {"settled": 0}
-        self.warning = f"NOT STEADY within {self._tolerance:g} at time.end = {time.end:g}"
+        within = "" if self._at_once else f" within {self._tolerance:g}"
+        self.warning = f"NOT STEADY{within} at time.end = {time.end:g}"
 
     def measure(self, step: Step) -> Mapping[str, float]:
         """Compare the step with the others of its window."""

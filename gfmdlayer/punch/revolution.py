@@ -16,7 +16,7 @@ from typing import NamedTuple, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gfmdlayer.arrays import FloatArray
+from gfmdlayer.arrays import FloatArray, unmasked
 from gfmdlayer.files.tables import TableError, read_table
 from gfmdlayer.kernels import kernel
 from gfmdlayer.validation.reading import Reading, answers
@@ -78,9 +78,11 @@ def of_table(r: ArrayLike, h: ArrayLike) -> Revolution:
     # The slope is linear between the middles of the rows, where it is the slope of the table: a paraboloid
     # and a cone are exact, other profiles are so to second order in the spacing. ValueError if the radii do
     # not ascend, or the profile is not convex.
-    r, h = np.asarray(r, dtype=float), np.asarray(h, dtype=float)
+    r, h = (np.asarray(unmasked(each), dtype=float) for each in (r, h))
     if r.ndim != 1 or r.shape != h.shape or r.size < 3:
         raise ValueError(f"got radii of shape {r.shape} and heights of shape {h.shape}; must be equal, >= 3")
+    if not (np.isfinite(r).all() and np.isfinite(h).all()):
+        raise ValueError("the radii and heights must be finite numbers")
     if r[0] != 0 or (steps := np.diff(r)).min() <= 0:
         raise ValueError("the radii must ascend from 0, where the indenter touches first")
     slopes = np.diff(h) / steps

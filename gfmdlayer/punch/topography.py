@@ -19,7 +19,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gfmdlayer.arrays import BoolArray, FloatArray
+from gfmdlayer.arrays import BoolArray, FloatArray, unmasked
 from gfmdlayer.files.tables import LARGEST, TableError, read_table
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.punch.scan import Keys, Measured, Scan, ScanAxis, on_grid, refuse_heights, times, without_holes
@@ -215,7 +215,7 @@ def outward_heights(punch: ArrayLike | Callable[..., ArrayLike], grid: Grid) -> 
 def numbers(heights: ArrayLike) -> FloatArray:
     """Return heights as an array of numbers; ConfigError if they are not real numbers."""
     try:
-        values = np.asarray(np.ma.filled(heights, np.nan) if np.ma.isMaskedArray(heights) else heights)
+        values = unmasked(heights)
     except ValueError as error:  # rows of different lengths
         raise ConfigError([f"punch: {error}; must be an array of real numbers"]) from None
     if values.dtype.kind not in "fiu":

@@ -9,6 +9,7 @@ import gfmdlayer
 from gfmdlayer.cli import main
 from gfmdlayer.config import Config, ConfigError, load
 from gfmdlayer.indentation.model import IsolatedContact
+from gfmdlayer.observables.energy_balance import UNBALANCED
 from gfmdlayer.study.cases import input_errors
 from gfmdlayer.study.cost import estimate
 from tests.recordings import Kept
@@ -32,6 +33,11 @@ def refusal(config, folder, capsys):
     (folder / "case.yaml").write_text(config.dump())
     assert main(["check", str(folder / "case.yaml")]) == 2
     return capsys.readouterr().err
+
+
+def imbalance(found):
+    """Return the largest residual of the energy balance over the largest work."""
+    return np.abs(found["energy_residual"]).max() / np.abs(found["work"]).max()
 
 
 def simulated(config):
@@ -184,6 +190,35 @@ def test_periodic_configurations_keep_their_digests():
     """The geometry does not enter where it is not given."""
     assert "geometry" not in Config(name="x").model_dump(exclude_none=True)["grid"]
     assert Config(name="x").grid.points == (16384,)
+
+
+def test_an_open_balance_is_a_warning_with_the_tolerance_that_closes_it(tmp_path):
+    """Errors of force, depth and radius are within the tolerance; the energies of a power law are not."""
+    (tmp_path / "history.txt").write_text("0 0\n0.3 0.008\n0.7 0.01\n1.2 0.004\n2 0.009\n")
+    values = {
+        "halfspace": {"shear_modulus": math.inf, "poisson": 0.3},
+        "punch": {"shape": "blunted_cone", "slope": 0.2, "tip_radius": 0.2},
+        "trajectory": {"kind": "table", "file": str(tmp_path / "history.txt")},
+        "output": {},
+        "layers": [
+            {
+                "thickness": 0.3,
+                "poisson": 0.3,
+                "material": {"model": "power_law", "G": 1.0, "tau": 1.0, "exponent": 0.3, "G0": 0.2},
+            },
+            {"thickness": 0.4, "poisson": 0.4, "material": {"model": "elastic", "G": 5.0}},
+        ],
+    }
+    values["time"] = {"end": 2.0, "step": "adaptive", "tolerance": 1e-3}
+    config = Config(**{name: value for name, value in AFM.items() if name != "layer"} | values)
+    first, second = Kept(), Kept()
+    (warning,) = gfmdlayer.simulate(config, first)
+    assert imbalance(first) > 3e-3
+    assert warning.startswith(f"{UNBALANCED}: the energies miss 0.0032 of the work, more than 0.003; use ")
+    assert first.noted["warnings"] == warning
+    remedy = float(warning.rpartition("time.tolerance ")[2])
+    assert gfmdlayer.simulate(config.with_values({"time.tolerance": remedy}), second) == []
+    assert imbalance(second) <= 3 * remedy
 
 
 def test_each_thickness_of_a_sweep_is_checked_against_a_table_of_depths(tmp_path):

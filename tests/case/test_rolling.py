@@ -155,3 +155,23 @@ def test_wang_and_knothes_cylinders_roll_at_once():
         # All of the force is the loss of the body, which heats it on the way, to the second order.
         heat = float(found.dissipated[-1]) / (35 * a / 1024) / (load / (35 * a))
         assert float(found.hysteresis_friction[-1]) == pytest.approx(heat, rel=2e-3, abs=1e-9)
+
+
+def test_what_a_state_at_once_says_is_no_remedy_by_steps():
+    """A step moves by a spacing, whatever time.step is; one that slides away is not steady within 0."""
+    keys = {
+        "grid": {"points": [16, 16]},
+        "trajectory": {"control": "force", "force": 0.02, "velocity": 0.1, "creepage": 0.01},
+        "interface": {"law": "coulomb", "coefficient": 0.5},
+        "time": {"steady": "at_once"},
+    }
+    for time in {}, {"step": "adaptive"}, {"step": 0.01}:
+        said = gfmdlayer.run({**keys, "time": keys["time"] | time}).warnings
+        assert "SLIP HEAT is rough" in said
+        assert "use more grid.points" in said
+        assert "time.step" not in said
+    del keys["trajectory"]["creepage"]
+    keys["trajectory"]["tangential"] = {"control": "force", "force": 0.02}
+    slides = gfmdlayer.run(keys)
+    assert "SLIDES AWAY" in slides.ended
+    assert "NOT STEADY at time.end" in slides.warnings

@@ -175,19 +175,26 @@ def test_cases_of_one_kind_are_warmed_up_and_costed_together(values, alike):
 
 
 @pytest.mark.parametrize("control", ["depth", "force"])
-def test_kernels_of_an_isolated_contact_are_compiled_by_one_that_is_small_beside_the_layer(control):
-    """A punch of a fixed size, thousands of times as wide as a film of some micrometres, takes gigabytes."""
+@pytest.mark.parametrize("scale", [1.0, 1e-6])
+def test_no_number_of_an_isolated_contact_enters_the_one_that_compiles(control, scale):
+    """It is small beside its layer: a contact thousands of times as wide takes gigabytes."""
     film = Config(name="film").with_values(
         {
             "grid.geometry": "axisymmetric",
-            "layer": {"thickness": 5e-6, "material": {"G0": 1e3, "Ginf": 5e3, "tau": 0.1}},
-            "punch": {"shape": "sphere", "radius": 5e-6},
+            "grid.points": 64,
+            "layer": {"thickness": 5 * scale, "material": {"G0": 1e3, "Ginf": 5e3, "tau": 0.1}},
+            "halfspace.poisson": 0.4,
+            "punch": {"shape": "sphere", "radius": 5e3},
             "trajectory": {"control": control, control: 1e-6 if control == "depth" else 1e-9},
+            "time": {"end": 1e-3, "step": "adaptive", "tolerance": 1e-9},
         }
     )
     small = isolated.smallest_equivalent_case(film)
+    other = {"layer.thickness": 2e-3, "layer.material.tau": 1e5, "punch.radius": 1.0, "time.end": 1e6}
+    assert small == isolated.smallest_equivalent_case(film.with_values(other))
     recording = Kept()
     simulate(small, recording)
+    assert 3 <= len(recording.rows) < 20
     widest = max(row["contact_radius"] for row in recording.rows)
-    assert 0 < widest < film.solid.thicknesses[0]
+    assert 0 < widest < small.solid.thicknesses[0]
     assert small.trajectory.control == control

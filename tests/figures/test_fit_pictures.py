@@ -10,9 +10,9 @@ from gfmdlayer import ForceCurve, fit_indentation
 from gfmdlayer.figures.map_plots import fit_map_figure
 from gfmdlayer.figures.plot_style import styled
 from gfmdlayer.fitting import material
-from gfmdlayer.fitting.indentation_report import fit_figure
 from gfmdlayer.fitting.laws import fit
 from gfmdlayer.fitting.measurement import read
+from gfmdlayer.fitting.result import fit_figure
 from tests.figures.test_everything import faults, labels
 
 UNITS = {"length": "um", "stress": "kPa", "time": "s"}  # kPa um^2 = nN

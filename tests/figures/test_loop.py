@@ -174,3 +174,14 @@ def test_the_loops_of_a_sweep_along_the_surface_have_their_work_in_the_legend(tm
         digits = f"{float(f'{work:.2e}'.partition('e')[0]):g}"  # three, times a power of ten
         assert digits in entry.rpartition("=")[2]
     assert len(entries) == 2
+
+
+def test_a_curve_of_one_row_is_drawn(tmp_path):
+    run = {
+        "grid": {"points": 64}, "interface": {"law": "coulomb", "coefficient": 0.4},
+        "trajectory": {"control": "load", "load": 0.02, "velocity": 0.1, "creepage": 0.01},
+        "time": {"steady": "at_once"}, "output": {"snapshots": "every"},
+    }  # fmt: skip
+    gfmdlayer.run(run, out=tmp_path / "once")
+    (axes, *_) = loop_figure(tmp_path / "once", open_results(tmp_path / "once"), y="friction").axes
+    assert any(line.get_xdata().size == 1 for line in axes.lines)

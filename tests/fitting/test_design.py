@@ -37,7 +37,9 @@ def test_the_expected_errors_are_the_scatter_of_fits():
     for seed in range(4):
         found = fit_indentation(measured(CREEP, seed), MODEL, ZENER)
         squares += [
-            (math.log(found[key].value / expected[key].value) / expected[key].error) ** 2 for key in ZENER
+            (math.log(found[key].value / expected[key].value) / expected[key].error * expected[key].value)
+            ** 2
+            for key in ZENER
         ]
         # The noise of a fit is estimated, and need not be white: up to 1.6 times as wide (test_noise).
         assert 0.75 < found["G0"].error / expected["G0"].error < 1.6

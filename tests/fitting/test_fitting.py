@@ -22,6 +22,9 @@ from gfmdlayer.results.recording import Recording
 
 KNOWN = Prony(1.0, ((3.0, 1e-3), (2.0, 3e-2), (4.0, 1.0), (1.0, 30.0)))
 RANGE = {MasterCurve: (1e-3, 1e4), RelaxationCurve: (1e-4, 1e3), CreepCurve: (1e-4, 1e3)}
+T_OF_G = np.geomspace(0.01, 100.0, 20)
+G_OF_T = 1 + 9 * np.exp(-T_OF_G)
+ROWS_OF_G = "\n".join(f"{t!r},{g!r}" for t, g in zip(T_OF_G.tolist(), G_OF_T.tolist(), strict=True))
 KINDS = pytest.mark.parametrize("kind", [MasterCurve, RelaxationCurve])
 
 
@@ -529,3 +532,25 @@ def test_the_option_that_a_message_names_settles_the_frequency(heading, tmp_path
     for unit, factor in (("Hz", 2 * np.pi), ("rad/s", 1.0)):
         curve = read(path, answers=Answers(units=(("frequency", unit),)))
         assert curve.abscissa[0] == pytest.approx(factor, rel=1e-15)
+
+
+@pytest.mark.parametrize(
+    "heading", ["E_rel", "Erel", "Eh", "Young", "Young modulus", "E-Modul", "elastic modulus"]
+)
+def test_names_of_youngs_modulus_are_no_shear_moduli(tmp_path, heading):
+    path = tmp_path / "a.csv"
+    path.write_text(f"t,{heading}\n{ROWS_OF_G}")
+    found = read(path, 0.4)
+    assert found.moduli[0] == pytest.approx(G_OF_T / 2.8)
+
+
+def test_poissons_ratio_is_not_ignored_and_columns_without_headings_are_said_to_be_in_shear(tmp_path):
+    path = tmp_path / "a.csv"
+    path.write_text(ROWS_OF_G)
+    assert "taken in shear; --modulus E" in " ".join(read(path, answers=Answers(key="")).notes)
+    with pytest.raises(TableError, match=r"no headings: its moduli may be in shear, .* --modulus E or G"):
+        read(path, 0.4, Answers(key=""))
+    assert read(path, 0.4, Answers(modulus="E")).moduli[0] == pytest.approx(G_OF_T / 2.8)
+    path.write_text(f"t,something\n{ROWS_OF_G}")
+    with pytest.raises(TableError, match="'something' is not read"):
+        read(path)

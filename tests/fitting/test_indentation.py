@@ -15,12 +15,13 @@ import pytest
 from gfmdlayer import ConfigError, ForceCurve, cli, fit_indentation
 from gfmdlayer.files.tables import Answers, TableError
 from gfmdlayer.fitting.curve_files import entries, read_curve, units_of
-from gfmdlayer.fitting.estimates import FitOptions, detect
+from gfmdlayer.fitting.estimates import detect
 from gfmdlayer.fitting.force_curve import StraightDrive
 from gfmdlayer.fitting.indentation_report import comparison, write_report
 from gfmdlayer.fitting.measurement import FitError
 from gfmdlayer.fitting.prediction import Prediction
 from gfmdlayer.fitting.problem import IndentationModel, LeastSquares, free_parameters
+from gfmdlayer.fitting.result import FitOptions
 
 RADIUS = 5.0
 ZENER = ("layer.material.G0", "layer.material.Ginf", "layer.material.tau")

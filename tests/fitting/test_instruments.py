@@ -11,11 +11,11 @@ import gfmdlayer
 from gfmdlayer import ConfigError, ForceCurve, fit_indentation
 from gfmdlayer.files.tables import TableError
 from gfmdlayer.fitting.curve_files import entries, read_curve
-from gfmdlayer.fitting.estimates import FitOptions
 from gfmdlayer.fitting.force_curve import Correction, StraightDrive
 from gfmdlayer.fitting.measurement import FitError
 from gfmdlayer.fitting.prediction import Prediction
 from gfmdlayer.fitting.problem import IndentationModel
+from gfmdlayer.fitting.result import FitOptions
 from gfmdlayer.fitting.stepped import with_spring
 from gfmdlayer.indentation.indent import as_revolution
 from gfmdlayer.indentation.model import IsolatedContact
