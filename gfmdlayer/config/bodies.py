@@ -105,7 +105,8 @@ def problems_of_the_counterbody(config: Any) -> Iterator[Mistake]:
     if config.counterbody is None:
         return
     motion, given = config.trajectory, config.counterbody.velocity_ratio
-    at, ratio = ("counterbody", "velocity_ratio"), config.velocity_ratio
+    at: Location = ("counterbody", "velocity_ratio")
+    ratio = config.velocity_ratio
     velocity = ("trajectory.velocity", "trajectory.velocity_file")
     if given and not motion.moves:
         message = "only for a punch that moves; remove it or set trajectory.velocity"
@@ -125,7 +126,6 @@ def problems_of_the_counterbody(config: Any) -> Iterator[Mistake]:
     if ratio and motion.moves and config.punch.rough:
         message = f"got {ratio!r} with a rough punch, whose heights would pass the contact; must be 0"
         if given is None:
-            reason = "whose heights would pass the contact with a counterbody that rolls"
-            message = f"got a rough punch, {reason}; must be a smooth shape, or remove trajectory.creepage"
-            at = ("punch", "shape")
+            at, reason = ("counterbody",), "it rolls, and the heights of a rough punch would pass the contact"
+            message = f"{reason}; use a smooth punch.shape, or remove the creepage or the tangential force"
         yield Mistake(at, message, ("punch.shape", "trajectory.creepage", "trajectory.tangential"))

@@ -324,8 +324,8 @@ def test_keys_of_the_counterbody_may_be_swept() -> None:
         ),
         (
             {"counterbody": BASE, "trajectory": ROLL, "punch": ROUGH},
-            "punch.shape",
-            "a counterbody that rolls; must be a smooth shape",
+            "counterbody",
+            "use a smooth punch.shape",
         ),
         (
             {"counterbody": {"body": {"kind": "lattice", "nearest": 1.0, "spacing": 0.1}}},
