@@ -543,6 +543,6 @@ def minimised(
     inside = np.clip(start, bounds[0] + room, bounds[1] - room)
     found = least_squares(
         residuals, inside, jac=jacobian, bounds=bounds, x_scale="jac", loss=loss,
-        ftol=precision, xtol=precision, gtol=1e-12, max_nfev=60,
+        ftol=precision, xtol=precision, gtol=1e-12, max_nfev=150,
     )  # fmt: skip
     return np.asarray(found.x)

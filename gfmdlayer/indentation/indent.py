@@ -33,7 +33,7 @@ from gfmdlayer.indentation.solve import (
     jumps,
     on_quartered_steps,
     on_steps,
-    work_done,
+    work_of,
 )
 from gfmdlayer.observables import INDENTATION
 from gfmdlayer.observables.energy_balance import unbalanced
@@ -240,7 +240,7 @@ class IsolatedIndentation:
     def columns(self) -> dict[str, FloatArray]:
         """Return the columns, each of shape (nt,)."""
         result = self.solved
-        work = work_done(result.force, result.depth, float(result.stored[0] + result.dissipated[0]))
+        work = work_of(result)
         if self.adhesion.work:
             work -= self._work_torn_off(work)
         return {
@@ -271,7 +271,10 @@ class IsolatedIndentation:
         if self.adhesion.work or not missed:
             return ""
         part = missed / max(energies)
-        return unbalanced(part, 0.0 if self.step else self.tolerance, step=self.step or 0.0, section=section)
+        if self.step is None:
+            return unbalanced(part, self.tolerance, section=section)
+        longest = 2 * float(np.diff(columns["time"]).max())  # the rows are half steps
+        return unbalanced(part, step=min(self.step, longest), section=section)
 
     @cached_property
     def warnings(self) -> list[str]:

@@ -36,6 +36,7 @@ from gfmdlayer.punch.revolution import Revolution, abel_transform
 COMPLETE, LEFT_GRID, NOT_CONVERGED = 0, 1, 2
 
 _MARKS = 3  # radii that are remembered, where the slope of chi may jump; most knots of a profile among them
+_FEW = 16  # nodes of a part that resolve the cosines over the whole reach
 _APART = 0.02  # part of a by which they differ
 _GENTLE = 0.05  # h/T below which Simpson's rule has the energy lost in a step to 1e-9
 _SMALL = 1e-4  # h/T below which differences of closed forms lose digits
@@ -548,10 +549,14 @@ def _transform_of(f: FloatArray, a: float, run: MarchRun) -> None:
     nodes, work, covered = run.nodes, run.work, run.covered[0]
     n = _place_nodes(a, nodes, run.state, work) if a > 0 and run.body.local_times.size else 0
     if covered > a and run.body.local_times.size:
-        for i in range(nodes.part.size):
-            work.x[n] = a + (covered - a) * nodes.part[i]
-            work.root[n] = math.sqrt((covered - a) * nodes.part_weights[i])
-            n += 1
+        # The nodes of a part resolve the cosines over half of the reach.
+        parts = 2 if covered - a > 0.5 * nodes.reach and nodes.part.size > _FEW else 1
+        width = (covered - a) / parts
+        for k in range(parts):
+            for i in range(nodes.part.size):
+                work.x[n] = a + width * (k + nodes.part[i])
+                work.root[n] = math.sqrt(width * nodes.part_weights[i])
+                n += 1
     for i in range(n):
         work.unit[i] = work.root[i] ** 2 * _at(work.x[i], f, run.state.points)
     _transform(n, nodes, work)
@@ -1122,7 +1127,7 @@ def _begin(
     )  # fmt: skip
     for i in range(knots):
         state.marks[i] = profile.knots[i + 1]
-    most = max(nodes.gauss.size, (state.marks.size + 1) * nodes.part.size) + nodes.part.size
+    most = max(nodes.gauss.size, (state.marks.size + 1) * nodes.part.size) + 2 * nodes.part.size
     work = MarchArrays(
         np.zeros(most), np.zeros(most), np.zeros(most),
         np.zeros((most, most)), np.zeros(most), np.zeros(most),

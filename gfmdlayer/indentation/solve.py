@@ -40,6 +40,7 @@ from gfmdlayer.indentation.march import (
     march,
 )
 from gfmdlayer.kernels import announce, kernel
+from gfmdlayer.observables.energy_balance import TOLERANCES
 from gfmdlayer.punch.revolution import Revolution, abel_transform
 
 
@@ -364,6 +365,7 @@ _ORDER, _ORDER_BETWEEN = 2.0, 4 / 3
 # New steps: part of the tolerance to reach; power of the step in the growth of the error; least and largest
 # number of them in place of one.
 _SAFE, _GROWTH_ORDER, _LEAST_PARTS, _MOST_PARTS = 0.8, 4.0, 0.5, 3.0
+_FALLS = 0.7  # part to which the residual of the energies must fall from mesh to mesh, for another one
 _PARTS_OF_JUMP = 8.0  # of a step in which contact with adhesion begins or is lost
 _BEFORE_JUMPS = 0.1  # part of `everywhere` with adhesion: the largest errors are those of the place of a jump
 
@@ -657,18 +659,36 @@ def _to_tolerance(
         return result._replace(error=math.inf)
     time = _landing(even_steps(first, turns, _FIRST_SPREAD * tolerance ** (1 / _ORDER)), knots)
     solutions, shift = 0, tolerance * float(knots[-1] - knots[0]) if adhesion.work else 0.0
+    room = math.inf
     for mesh in range(_MOST_MESHES):
         result, errors = on_quartered_steps(body, space, profile, history, time, kept, adhesion, shift)
         solutions += result.solutions
         coarse = jumps(result, shift) if shift else np.zeros(0, dtype=int)
-        if (result.error <= tolerance and not coarse.size) or result.time.size > _MOST_STEPS:
+        if result.time.size > _MOST_STEPS:
             break
+        if result.error <= tolerance and not coarse.size:
+            left_open = _left_open(result, adhesion)[::2]
+            if not tolerance < np.abs(left_open).max() < room:
+                break
+            errors, room = np.vstack((errors, left_open)), _FALLS * np.abs(left_open).max()
         everywhere = (mesh + 1) / _MOST_MESHES * (_BEFORE_JUMPS if shift else 1.0)
         parts = _parts(result.radius[::4], errors, everywhere, tolerance)
         parts[coarse // 4] = _PARTS_OF_JUMP
         time = _refined(time, np.maximum(parts, 1.0) if mesh else parts, knots)
     late = float(np.diff(result.time)[coarse].max(initial=0.0) / (knots[-1] - knots[0]))
     return result._replace(solutions=solutions, error=max(result.error, late))
+
+
+def _left_open(run: Indentation, adhesion: Edge) -> FloatArray:
+    """Return the residual of the energy balance relative to the largest energy, and to its limit.
+
+    With adhesion it is zero: jumps lose energy.
+    """
+    energies, work = run.stored + run.dissipated, work_of(run)
+    scale = max(float(np.abs(each).max()) for each in (work, energies))
+    if adhesion.work or not scale:
+        return np.zeros(run.time.size)
+    return np.asarray((work - energies) / (TOLERANCES * scale))
 
 
 def _parts(radius: FloatArray, errors: FloatArray, everywhere: float, tolerance: float) -> FloatArray:
@@ -713,6 +733,13 @@ def _passed_before(radius: FloatArray) -> IntArray:
     steps = np.arange(low.size)
     before = np.tril((low < middle) & (middle < high), -1)
     return np.where(before.any(axis=1), steps.size - 1 - before[:, ::-1].argmax(axis=1), steps)
+
+
+def work_of(run: Indentation) -> FloatArray:
+    """Work of the indenter, shape (nt,); what an elastic body stores, as no path to a contact enters it."""
+    if not (run.dissipated.any() or run.parted.any()):
+        return run.stored
+    return work_done(run.force, run.depth, float(run.stored[0] + run.dissipated[0]))
 
 
 def work_done(force: FloatArray, depth: FloatArray, start: float) -> FloatArray:

@@ -54,7 +54,8 @@ if TYPE_CHECKING:
 UNBALANCED = "UNBALANCED"  # with this word the warning begins
 # Largest residual over the work: in tolerances of adaptive steps, beside what the solver leaves open in its
 # own; or with fixed steps.
-_TOLERANCES, _OF_SOLVER, _CLOSED = 3, 10, 0.01
+TOLERANCES, _OF_SOLVER, _CLOSED = 3, 10, 0.01
+_SURE = 0.5  # part of the step or tolerance that would just do
 
 
 class EnergyBalance(Observable):
@@ -86,6 +87,7 @@ class EnergyBalance(Observable):
         self._largest = self._open = 0.0  # work or energy; residual
         self._time, self._solver_tolerance = case.config.time, case.config.solver.tolerance
         self._moves = case.config.trajectory.moves
+        self._longest = max(stop.step for stop in case.drives.landings)  # step, of fixed ones
         *_, self._spin = case.config.creepages
         self._field: tuple[float, FloatArray] | None = None  # time and gap, where the interface changes
         self._rows: deque[PathPoint] = deque(maxlen=2)  # of the way up to here
@@ -165,7 +167,8 @@ class EnergyBalance(Observable):
             said = unbalanced(part, self._time.tolerance, _OF_SOLVER * self._solver_tolerance)
         else:
             assert not isinstance(self._time.step, str)
-            said = unbalanced(part, step=self._time.step)
+            euler = self._time.integrator == "backward_euler"
+            said = unbalanced(part, step=min(self._time.step, self._longest), euler=euler)
         # The shortest wave of the grid relaxes under a punch that moves, but has no slope along x.
         return f"{said}, or more grid.points" if said and self._moves else said
 
@@ -203,14 +206,20 @@ class EnergyBalance(Observable):
 
 
 def unbalanced(
-    part: float, tolerance: float = 0.0, of_solver: float = 0.0, *, step: float = 0.0, section: str = "time."
+    part: float,
+    tolerance: float = 0.0,
+    of_solver: float = 0.0,
+    *,
+    step: float = 0.0,
+    euler: bool = False,
+    section: str = "time.",
 ) -> str:
     """Say that energies miss a part of the work, and the tolerance or the equal step that would close it."""
-    limit = _CLOSED if step else _TOLERANCES * (tolerance + of_solver)
+    limit = _CLOSED if step else TOLERANCES * (tolerance + of_solver)
     if part <= limit:
         return ""
-    # Of second order only if steps are short beside the ramps.
-    shorter = rounded_down((step or tolerance) * limit / part)
+    # Of second order only if steps are short beside the ramps; errors scatter, but for backward Euler's.
+    shorter = rounded_down((1.0 if euler else _SURE) * (step or tolerance) * limit / part)
     remedy = f"{section}{'step' if step else 'tolerance'} {shorter}"
     return f"{UNBALANCED}: the energies miss {part:.2g} of the work, more than {limit:.2g}; use {remedy}"
 
