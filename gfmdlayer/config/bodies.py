@@ -73,7 +73,7 @@ class Counterbody(Section):
     )
     """the halfspace behind the layers; shear_modulus .inf without layers: a rigid counterbody"""
     velocity_ratio: Annotated[Finite | None, given] = None
-    """velocity of the contact along it, over trajectory.velocity; 0: slides (default), 1: rolls (with creepage)"""
+    """velocity of the contact along it, over trajectory.velocity: 0 slides, 1 rolls (as with creepage)"""
 
     def problems(self) -> Iterator[Mistake]:
         """Yield contradictions between the keys; a halfspace needs no layer, and may be rigid."""
