@@ -63,8 +63,8 @@ def test_the_load_that_a_depth_needs_gives_that_depth(run, tmp_path, base):
     for name in ("stored", "dissipated"):
         np.testing.assert_allclose(loaded[name], pressed[name], atol=1e-5 * pressed["work"].max())
     # Each row of the table is a corner, across which no parabola is laid: the relaxation in a step is missed
-    # by the trapezoid, in the second order.
-    np.testing.assert_allclose(loaded["work"], pressed["work"], atol=2e-4 * pressed["work"].max())
+    # by the trapezoid, in the second order of step over tau, 0.05.
+    np.testing.assert_allclose(loaded["work"], pressed["work"], atol=5e-4 * pressed["work"].max())
     (_, u, _), (_, exact, _) = loaded.snapshots[0], pressed.snapshots[0]
     np.testing.assert_allclose(u, exact, atol=1e-6 * 0.01)
     assert (abs(exact.mean()) > 1e-4) == math.isinf(base)
