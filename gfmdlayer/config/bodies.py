@@ -73,7 +73,7 @@ class Counterbody(Section):
     )
     """the halfspace behind the layers; shear_modulus .inf without layers: a rigid counterbody"""
     velocity_ratio: Annotated[Finite | None, given] = None
-    """velocity of the contact along it, over trajectory.velocity; 0: slides (default), 1: rolls"""
+    """velocity of the contact along it, over trajectory.velocity: 0 slides, 1 rolls (as with creepage)"""
 
     def problems(self) -> Iterator[Mistake]:
         """Yield contradictions between the keys; a halfspace needs no layer, and may be rigid."""
@@ -105,15 +105,16 @@ def problems_of_the_counterbody(config: Any) -> Iterator[Mistake]:
     if config.counterbody is None:
         return
     motion, given = config.trajectory, config.counterbody.velocity_ratio
-    at, ratio = ("counterbody", "velocity_ratio"), config.velocity_ratio
+    at: Location = ("counterbody", "velocity_ratio")
+    ratio = config.velocity_ratio
     velocity = ("trajectory.velocity", "trajectory.velocity_file")
     if given and not motion.moves:
         message = "only for a punch that moves; remove it or set trajectory.velocity"
         yield Mistake(at, message, velocity)
     if config.friction and motion.rolls and given not in (None, 1.0):
         message = (
-            f"got {given!r} beside a creepage or a tangential force, with which both bodies roll; must be 1: "
-            "the creepage is the difference of their velocities"
+            f"got {given!r} beside a creepage or a tangential force, with which both bodies roll; must be 1, "
+            f"or alone: {given!r} without them is a creepage of {1 - given:.6g}"
         )
         yield Mistake(at, message, ("trajectory.creepage", "trajectory.tangential"))
     if config.friction and config.grid.isolated and motion.moves and ratio != 1:
@@ -124,4 +125,7 @@ def problems_of_the_counterbody(config: Any) -> Iterator[Mistake]:
         yield Mistake(at, message, ("grid.boundary", "trajectory.creepage"))
     if ratio and motion.moves and config.punch.rough:
         message = f"got {ratio!r} with a rough punch, whose heights would pass the contact; must be 0"
-        yield Mistake(at, message, ("punch.shape",))
+        if given is None:
+            at, reason = ("counterbody",), "it rolls, and the heights of a rough punch would pass the contact"
+            message = f"{reason}; use a smooth punch.shape, or remove the creepage or the tangential force"
+        yield Mistake(at, message, ("punch.shape", "trajectory.creepage", "trajectory.tangential"))

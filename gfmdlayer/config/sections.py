@@ -135,7 +135,7 @@ class Time(Section):
     tolerance: Optional = Field(default_factory=lambda data: 1e-4 if data.get("step") == "adaptive" else None)
     """relative error of adaptive steps, default 1e-4"""
     steady: Annotated[Steady | None, given] = None
-    """moving punch: the run ends below this relative change; or, with friction, at_once: only that state"""
+    """moving punch: ends below this relative change; at_once with friction"""
 
     @property
     def at_once(self) -> bool:

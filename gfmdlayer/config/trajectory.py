@@ -180,7 +180,7 @@ class Trajectory(Section):
     tangential: Annotated[Tangential | None, given] = None
     """with friction: displacement of the punch, or force, along the surface"""
     creepage: Annotated[Creepage | None, given] = None
-    """with friction: sliding speed over velocity, default 1; less: it rolls; with y and spin a mapping"""
+    """with friction: sliding speed over velocity, default 1; or {x, y, spin}"""
 
     @property
     def rolls(self) -> bool:

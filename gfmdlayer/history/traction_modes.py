@@ -85,6 +85,16 @@ class VectorModes(Saving):
         self.x = x.copy()
         self._stretch = self._settled * np.einsum("jqa,qa->jq", self.spectrum.vectors.conj(), x)
 
+    def slowest(self, tolerance: float) -> float:
+        """Return a bound on the time in which a body at rest creeps, see `Modes.slowest`."""
+        relaxed, glassy = self.spectrum.relaxed, self.spectrum.glassy
+        of_modes = (np.abs(self.spectrum.vectors) ** 2).sum(axis=-1)
+        relevant = of_modes > tolerance * np.trace(glassy, axis1=-2, axis2=-1).real
+        longest = self.spectrum.times[relevant].max(initial=0.0)
+        some = np.linalg.det(relaxed).real > 0
+        contrast = np.linalg.eigvals(np.linalg.solve(relaxed[some], glassy[some])).real.max(initial=1.0)
+        return float(contrast * longest)
+
     def curvature_stress(self, curvature: ComplexArray) -> ComplexArray:
         """Return the part of the traction at the end of the step that is due to dt^2 x''/2."""
         return self._pull(self._factors.curvature_gain, curvature, None)
@@ -294,6 +304,8 @@ class TractionModes:
     def slowest(self, tolerance: float) -> float:
         """Return the longest time on the way to the steady state, see `SlidingModes.slowest`."""
         q, speed = np.abs(self._vectors[0]), abs(self._velocity)
+        if speed == 0:  # a counterbody that rests in the frame of the contact
+            return max(part.slowest(tolerance) for part in self.components)
         longest = q[q > 0].min()
         chosen = (q > 0) & (q < 1.5 * longest)
         times, vectors = self.components[0].spectrum.times, self.components[0].spectrum.vectors

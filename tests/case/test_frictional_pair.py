@@ -12,6 +12,7 @@ from pydantic import ValidationError
 
 import gfmdlayer
 from gfmdlayer import Pair, Parabola, halfspace, solve
+from gfmdlayer.case.notes import notes
 from gfmdlayer.config import Config
 
 Section = dict[str, Any]
@@ -40,6 +41,7 @@ PUSH = {
 ROLL = {"velocity": 0.1, "creepage": 0.02}
 PULL = {"velocity": 0.1, "tangential": {"control": "force", "kind": "ramp", "force": 0.002, "ramp_time": 0.3}}
 SLIDE = {"velocity": 0.1}
+ROUGH = {"shape": "self_affine", "hurst": 0.8, "rms_height": 1e-3, "seed": 1, "short_cutoff": 0.1}
 
 
 def run(body: Section, counterbody: Section | None, motion: Section, **changes: Any) -> Any:
@@ -75,19 +77,51 @@ def reversed_motion(motion: Section) -> Section:
 
 @pytest.mark.parametrize("motion", [PUSH, ROLL, PULL])
 def test_bodies_may_be_exchanged(motion: Section) -> None:
-    """The pressure stays, the shear traction turns round with the motion: to the solver's tolerance."""
+    """The pressure stays, the shear traction turns round with the motion: in all bits if a path is given."""
     one = run(WEAK | BASE, HARD | BASE, motion)
     two = run(HARD | BASE, WEAK | BASE, reversed_motion(motion))
+    noise = 1e-8 * float(one["pressure"].max()) if motion is PULL else 0.0  # of the solver, of tolerance 1e-9
     for name, sign in (("pressure", 1), ("shear_x", -1)):
-        scale = float(one["pressure"].max())
-        np.testing.assert_allclose(one[name], sign * two[name], atol=1e-6 * scale)
+        np.testing.assert_allclose(one[name], sign * two[name], rtol=0, atol=noise)
     for name in ("contact_area", "stick_area", "depth", "slip_heat"):
-        np.testing.assert_allclose(one[name], two[name], rtol=1e-5, atol=1e-9)
-    np.testing.assert_allclose(one["stored_body"], two["stored_counterbody"], rtol=1e-5, atol=1e-9)
-    np.testing.assert_allclose(one["dissipated_counterbody"], two["dissipated_body"], rtol=1e-5, atol=1e-9)
-    np.testing.assert_allclose(
-        one["displacement_body"], two["displacement_counterbody"], atol=1e-6 * float(one["depth"].max())
-    )
+        np.testing.assert_allclose(one[name], two[name], rtol=1e-5 if noise else 0, atol=noise)
+    for name in ("stored", "dissipated"):
+        np.testing.assert_allclose(one[f"{name}_body"], two[f"{name}_counterbody"], rtol=1e-5, atol=noise)
+        np.testing.assert_allclose(two[f"{name}_body"], one[f"{name}_counterbody"], rtol=1e-5, atol=noise)
+    np.testing.assert_allclose(one["displacement_body"], two["displacement_counterbody"], rtol=0, atol=noise)
+
+
+def test_bodies_may_be_exchanged_on_surfaces() -> None:
+    """With creepage along and across, and spin: in all bits."""
+
+    def rolling(sign: float) -> Section:
+        return {"velocity": 0.3, "creepage": {"x": 0.01 * sign, "y": 0.006 * sign, "spin": 0.05 * sign}}
+
+    changes: Section = {
+        "grid": {"points": [32, 24], "period": [1.0, 0.8]},
+        "time": {"end": 0.4, "step": 0.05},
+    }
+    changes["output"] = {"snapshots": [0.4]}
+    one = run(WEAK | BASE, HARD | BASE, rolling(1.0), **changes)
+    two = run(HARD | BASE, WEAK | BASE, rolling(-1.0), **changes)
+    assert float(abs(one["shear_y"]).max()) > 0
+    for name, sign in (("pressure", 1), ("shear_x", -1), ("shear_y", -1), ("spin_moment", -1)):
+        np.testing.assert_array_equal(one[name], sign * two[name])
+
+
+@pytest.mark.parametrize("motion", [PUSH, ROLL, SLIDE])
+def test_a_second_body_costs_few_transforms(motion: Section) -> None:
+    """Beside one body in a contact of the same width, by which the solver chooses its windows."""
+    changes: Section = {
+        "grid": {"points": 512, "period": 1.0},
+        "solver": {},
+        "time": {"end": 0.3, "step": 0.02},
+        "output": {},
+    }
+    alone = run(WEAK | BASE, None, {**motion, "load": 0.12}, **changes)
+    two = run(WEAK | BASE, HARD | BASE, motion, **changes)
+    assert float(two["contact_area"][-1]) == pytest.approx(float(alone["contact_area"][-1]), rel=0.03)
+    assert float(two["transforms"].sum()) <= 1.4 * float(alone["transforms"].sum())
 
 
 @pytest.mark.parametrize("motion", [PUSH, ROLL, SLIDE])
@@ -100,12 +134,12 @@ def test_a_rigid_counterbody_changes_no_bit(motion: Section) -> None:
 
 @pytest.mark.parametrize("motion", [PUSH, ROLL, SLIDE])
 def test_a_very_stiff_counterbody_is_rigid(motion: Section) -> None:
-    """Its compliance is 1e-9 of the body's."""
+    """Its compliance is 2e-8 of the base's, 0.7e-9 over 0.7/20 for the longest wave, and less for others."""
     stiff = {"halfspace": {"shear_modulus": 1e9, "poisson": 0.3}}
     one, alone = run(WEAK | BASE, stiff, motion), run(WEAK | BASE, None, motion)
     scale = float(alone["pressure"].max())
     for name in ("pressure", "shear_x"):
-        np.testing.assert_allclose(one[name], alone[name], atol=1e-6 * scale)
+        np.testing.assert_allclose(one[name], alone[name], rtol=0, atol=2e-8 * scale)
 
 
 @pytest.mark.parametrize("motion", [PUSH, ROLL, PULL])
@@ -203,14 +237,95 @@ def test_the_steady_state_of_two_rollers_at_once_is_that_of_marching() -> None:
         assert float(at_once[name][-1]) == pytest.approx(float(marched[name][-1]), rel=2e-3)
 
 
+def test_equal_elastic_rollers_are_carters() -> None:
+    """Q/(mu P) = 1 - (1 - xi R/(mu a))^2 of F. W. Carter (1926) for any Poisson's ratio, without images."""
+    half, radius, mu, a = {"shear_modulus": 1.0, "poisson": 0.3}, 1.0, 0.3, 0.1
+    force = math.pi / 0.7 * a**2 / (4 * radius)  # E* = G/(1 - nu) of both
+    step = 0.42 / 128 / 0.1
+    found = run(
+        {"layer": {"thickness": 0.0}, "halfspace": half},
+        {"halfspace": half},
+        {},
+        grid={"points": 128, "period": 0.42, "boundary": "isolated", "datum": 1.0},
+        punch={"shape": "parabola", "radius": radius},
+        trajectory={
+            "control": "force",
+            "force": force,
+            "ramp_time": step,
+            "velocity": 0.1,
+            "creepage": 0.015,
+        },
+        time={"end": 1.0, "step": step, "steady": "at_once"},
+        output={},
+    )
+    # Carter's 0.75 within 1 %, as one body with as many points
+    assert float(found["tangential_force"][-1]) / (mu * force) == pytest.approx(0.75, rel=0.01)
+
+
+def test_bodies_slide_until_the_state_is_steady() -> None:
+    """The counterbody, whose material rests in the contact, creeps to the state that is found at once."""
+    steps = {"end": 100.0, "step": 0.1}
+    marched = run(WEAK | BASE, HARD | BASE, SLIDE, time=steps | {"steady": 1e-3}, output={})
+    at_once = run(WEAK | BASE, HARD | BASE, SLIDE, time=steps | {"steady": "at_once"}, output={})
+    assert float(marched["time"][-1]) < 50
+    for name in ("depth", "tangential_force"):
+        assert float(marched[name][-1]) == pytest.approx(float(at_once[name][-1]), rel=1e-3)
+
+
+def test_a_small_creepage_is_a_ratio_of_velocities_near_one() -> None:
+    """Carried at (1 - xi) V in place of V, the memory of the counterbody changes in the order of xi."""
+    half = {"layer": {"thickness": 0.0}, "halfspace": {"shear_modulus": 1.0}}
+    ratio = {"halfspace": {"shear_modulus": 2.0, "poisson": 0.2}, "velocity_ratio": 0.98}
+    rolling = run(half, {"halfspace": ratio["halfspace"]}, ROLL)
+    other = run(half, ratio, SLIDE)
+    for name in ("tangential_force", "depth"):
+        assert float(other[name][-1]) == pytest.approx(float(rolling[name][-1]), rel=0.02)
+
+
+def test_stretches_of_equal_rollers_cancel() -> None:
+    """A cell keeps both from stretching: (1 - 2 nu) p/(2 G) = 0.005 of the body, and half of the other."""
+    half = {"layer": {"thickness": 0.0}, "halfspace": {"shear_modulus": 2.0, "poisson": 0.3}}
+    stiff = {"halfspace": {"shear_modulus": 4.0, "poisson": 0.3}}
+
+    def stretch(counterbody: Section | None, motion: Section) -> str:
+        drive = {"control": "load", "load": 0.05, "ramp_time": 0.2, **motion}
+        config: Section = {"name": "pair", "interface": {"law": "coulomb", "coefficient": 0.3}, **half}
+        config |= {"trajectory": drive} | ({} if counterbody is None else {"counterbody": counterbody})
+        return "".join(re.findall(r"stretch the surface by (\S+),", " ".join(notes([Config(**config)]))))
+
+    assert stretch(None, ROLL) == "0.005"
+    assert stretch(stiff, ROLL) == "0.0025"
+    assert not stretch(stiff, SLIDE)
+    assert not stretch({"halfspace": half["halfspace"]}, ROLL)
+
+
+def test_keys_of_the_counterbody_may_be_swept() -> None:
+    moduli = [5.0, 50.0, math.inf]
+    sweep = {"counterbody.halfspace.shear_modulus": moduli}
+    found = run(WEAK | BASE, {"halfspace": {"shear_modulus": 5.0, "poisson": 0.3}}, ROLL, sweep=sweep)
+    for modulus in moduli:
+        own = {"halfspace": {"shear_modulus": modulus, "poisson": 0.3}}
+        one = run(WEAK | BASE, own, ROLL)
+        np.testing.assert_array_equal(found["shear_x"].sel(shear_modulus=modulus), one["shear_x"])
+
+
 @pytest.mark.parametrize(
     ("changes", "place", "message"),
     [
-        ({"counterbody": {**BASE, "velocity_ratio": 0.5}, "trajectory": ROLL}, "velocity_ratio", "must be 1"),
+        (
+            {"counterbody": {**BASE, "velocity_ratio": 0.5}, "trajectory": ROLL},
+            "velocity_ratio",
+            "must be 1, or alone: 0.5 without them is a creepage of 0.5",
+        ),
         (
             {"counterbody": BASE, "trajectory": SLIDE, "grid": {"boundary": "isolated"}},
             "velocity_ratio",
             "give trajectory.creepage",
+        ),
+        (
+            {"counterbody": BASE, "trajectory": ROLL, "punch": ROUGH},
+            "counterbody",
+            "use a smooth punch.shape",
         ),
         (
             {"counterbody": {"body": {"kind": "lattice", "nearest": 1.0, "spacing": 0.1}}},

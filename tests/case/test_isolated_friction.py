@@ -321,7 +321,6 @@ def test_other_cells_have_no_such_note(change):
     ("change", "words"),
     [
         ({"trajectory": {"control": "load", "load": 0.1}}, "an isolated contact does not have"),
-        ({"trajectory": {"depth": 0.01, "velocity": 1.0}}, "not available with grid.boundary: isolated"),
         ({"halfspace": {"shear_modulus": 0.0}, "layer": {"thickness": 0.1}}, "without a base"),
     ],
 )

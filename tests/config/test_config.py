@@ -241,9 +241,11 @@ FIGURES = {
 def test_shipped_configurations_contain_the_papers_cases(name, quick):
     sweep, Ginf, bulk = FIGURES[name]
     config = load(CONFIGS / f"{name}{'-quick' if quick else ''}.yaml")
+    quick_step = 0.025 if name in {"figure2", "figure3"} else 0.05  # at which the balance closes to .01
     expected = Config(name=config.name).with_values({
         "layer.material.Ginf": Ginf, "halfspace.shear_modulus": bulk, "grid.points": 1024 if quick else 2**14,
-        "time.step": 0.05 if quick else 0.005, "time.integrator": "backward_euler", "solver.method": "fire",
+        "time.step": quick_step if quick else 0.005,
+        "time.integrator": "backward_euler", "solver.method": "fire",
         "output.snapshots": [] if name == "indentation" else [0.5, 1.0, 2.0, 8.0],
     })  # fmt: skip
     assert config.name == name + ("-quick" if quick else "")

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gfmdlayer import ConfigError, Pair, Parabola, Zener, bonded_layer, halfspace, solve
+from gfmdlayer import ConfigError, Lattice, Pair, Parabola, Zener, bonded_layer, halfspace, solve
 
 PRESS = {"punch": Parabola(radius=0.25), "force": 0.002, "points": 256, "friction": 0.4}
 
@@ -108,8 +108,8 @@ def test_friction_needs_its_coefficient_and_a_body_that_responds_to_shear():
     alone = {name: value for name, value in PRESS.items() if name != "friction"}
     with pytest.raises(ConfigError, match="tangential_force: only with friction"):
         solve(halfspace(1.0), **alone, tangential_force=0.1)
-    pair = Pair(halfspace(1.0), halfspace(2.0))
+    pair = Pair(halfspace(1.0), Lattice(nearest=1.0, spacing=0.1))
     with pytest.raises(
-        ConfigError, match="body: Pair has no response to shear; must be a halfspace or layers"
+        ConfigError, match="body: Lattice has no response to shear; must be a halfspace or layers"
     ):
         solve(pair, **PRESS)

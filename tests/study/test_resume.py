@@ -78,6 +78,15 @@ BODIES |= {
     "rolling": FRICTION
     | {"trajectory": {"control": "load", "load": 0.05, "velocity": 0.05, "creepage": 0.01}},
 }
+OTHER = {"counterbody": PAIR, "layer.poisson": 0.4}
+BODIES |= {
+    "frictional pair": BODIES["frictional"] | OTHER,
+    "rolling pair": BODIES["rolling"] | OTHER,
+    "pair that slides with friction": BODIES["rolling"]
+    | OTHER
+    | {"trajectory": {"control": "load", "load": 0.05, "velocity": 0.05}},
+}
+RUNS += [(body, steps, "auto") for body in list(BODIES)[-3:] for steps in ("adaptive", "exponential")]
 BODIES["in a window"] = FRICTION | {"grid.points": 256, "trajectory.load": 1e-3}
 BODIES["without friction"] = FRICTION | {"interface": {"law": "coulomb", "coefficient": 0.0}}
 RUNS += [(body, steps, "auto") for body in ("frictional", "rolling") for steps in ("adaptive", "exponential")]
