@@ -8,6 +8,7 @@ may stand in for one: SurfaceTopography=FOLDER, a copy of its repository, as its
 
 from __future__ import annotations
 
+import argparse
 import subprocess
 import sys
 import tarfile
@@ -119,13 +120,30 @@ def results(root: Path, patterns: tuple[tuple[str, Reader], ...]) -> Iterator[tu
             yield path.name, " ".join(shown.split()).replace("|", "\\|")
 
 
+def folder_of(argument: str) -> tuple[str, Path]:
+    """Read PACKAGE=FOLDER."""
+    package, _, folder = argument.partition("=")
+    if package not in PACKAGES:
+        names = ", ".join(PACKAGES)
+        raise argparse.ArgumentTypeError(f"got {argument!r}; must be PACKAGE=FOLDER, with one of {names}")
+    if not Path(folder).is_dir() or not folder:
+        raise argparse.ArgumentTypeError(f"got {argument!r}; {folder!r} is no folder")
+    return package, Path(folder)
+
+
 def main() -> None:
     """Print the tables."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument(
+        "folders", nargs="*", type=folder_of, metavar="PACKAGE=FOLDER", help="a copy of its files"
+    )
+    given = dict(parser.parse_args().folders)
     warnings.simplefilter("ignore")
-    given = dict(argument.split("=", 1) for argument in sys.argv[1:])
     for package, patterns in PACKAGES.items():
         with tempfile.TemporaryDirectory() as folder:
-            root = Path(given[package]) if package in given else unpacked(package, Path(folder))
+            root = given[package] if package in given else unpacked(package, Path(folder))
             print(f"\n## {root.name.replace('-', ' ')}\n\n| file | result |\n|-|-|")
             for name, result in results(root, patterns):
                 print(f"| `{name}` | {result} |")
