@@ -294,10 +294,10 @@ def test_map_has_a_colour_for_each_pair_of_values(tmp_path):
     with open_results(tmp_path) as data:
         data["contact_area_interpolated"][2, 1] = np.nan
         figure = map_figure(data, time=0.9)
-    area, pressure = (axes for axes in figure.axes if axes.images)
+    area, pressure = figure.axes[:2]
     expected = np.full((2, 3), 0.1)
     expected[1, 2] = np.nan
-    np.testing.assert_array_equal(np.ma.filled(area.images[0].get_array(), np.nan), expected)
+    np.testing.assert_array_equal(np.ma.filled(area.collections[0].get_array(), np.nan), expected)
     assert [label.get_text() for label in area.get_xticklabels()] == ["0", "0.5", r"$\infty$"]
     assert (area.get_xlabel(), area.get_ylabel()) == ("$d$", r"$G_\mathrm{bulk}$")
     assert area.get_title(loc="left") == r"(a)  $t/\tau$ = 0.5"
