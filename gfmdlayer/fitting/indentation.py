@@ -252,7 +252,10 @@ def _prepared(curve: ForceCurve, model: IndentationModel, free: Free, options: F
     made = curve
     if "prepared" not in curve.origin:  # else one of the fits that adhesion compares
         made = prepared(curve, options, settled="contact_point" not in free)
-    curve_parameters([made], model, free, options)
+    asked = dict(free) if isinstance(free, Mapping) else dict.fromkeys(free)
+    # The kind of adhesion is not settled yet.
+    if own := {key: bounds for key, bounds in asked.items() if not str(key).startswith(STICKING)}:
+        curve_parameters([made], model, own, options)
     return made
 
 
