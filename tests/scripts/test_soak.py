@@ -34,9 +34,7 @@ def trials(monkeypatch):
 
 def test_the_default_solver_converges(trials, tmp_path):
     ends = {index: trials("extremes").trial(2, index, tmp_path) for index in range(30)}
-    found = {index: end for index, end in ends.items() if not end.good}
-    assert {index: end for index, end in found.items() if end.kind not in combinations.OPEN} == {}
-    assert len(found) <= 3
+    assert {index: end for index, end in ends.items() if not end.good} == {}
     assert sum(end.kind == "converged" for end in ends.values()) > 25
 
 
