@@ -37,6 +37,8 @@ friction at the interface the energy of an elastic contact does not depend on th
 
 from __future__ import annotations
 
+import itertools
+import math
 from collections import deque
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
@@ -219,7 +221,10 @@ def unbalanced(
     if part <= limit:
         return ""
     # Of second order only if steps are short beside the ramps; errors scatter, but for backward Euler's.
-    shorter = rounded_down((1.0 if euler else _SURE) * (step or tolerance) * limit / part)
+    shorter = rounded_down(_SURE * (step or tolerance) * limit / part)
+    if euler:  # the end and the snapshots are a whole number of steps
+        tens = itertools.product((1.0, 2.0, 4.0, 5.0, 8.0), (10.0**k for k in range(12)))
+        shorter = f"{step / min(parts for each in tens if (parts := math.prod(each)) >= part / limit):.15g}"
     remedy = f"{section}{'step' if step else 'tolerance'} {shorter}"
     return f"{UNBALANCED}: the energies miss {part:.2g} of the work, more than {limit:.2g}; use {remedy}"
 

@@ -536,6 +536,14 @@ COLUMNS = ("mean_pressure", "force", "depth", "work", "stored", "dissipated", "c
 ENERGIES = ("work", "stored", "dissipated")  # stress times displacement
 
 
+# Kinds of findings that are known, with their reasons. They count as failures here; the short form in the
+# tests allows a few of them.
+OPEN: Mapping[str, str] = {
+    "remedy": "the residual follows the tolerance with a power below one, so that the one named is too large",
+    "interpolation": "with attraction, steps do not look at how rows draw a curve",
+}
+
+
 def trial(seed: int, index: int, folder: Path, kinds: int | None = None) -> Outcome:
     """Run a combination and all that may follow: all kinds of pictures and the report, or some at random."""
     drawn = combination(seed, index)
