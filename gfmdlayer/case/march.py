@@ -661,6 +661,8 @@ class March:
                 "work": now["work"],
                 "lost": np.float64(0.0),
                 "energies": now["energies"],
+                "attraction": np.float64(0.0),
+                "strength": np.float64(0.0),
                 "largest": now["largest"],
                 "open": now["open"],
                 "torn": np.False_,

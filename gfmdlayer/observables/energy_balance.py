@@ -9,10 +9,10 @@ the gap, zero for the hard wall. So the residual of the balance is an error of t
 order in dt with the exponential scheme and of first order with backward Euler. A residual above the limit is
 a warning: three times the tolerance of adaptive steps, a hundredth with fixed ones.
 
-Under a hard wall the work of a step follows from pressure and displacement of each point, exactly for an
-elastic body (`history.path_work`): the residual is an error of the relaxation. Adaptive steps see it, and are
-chosen so that the balance closes (`history.adaptive_steps`). With attraction, and for the tangential stress,
-the curve is a parabola through three rows.
+The work of a step follows from pressure and displacement of each point and the energy of the interface,
+exactly for an elastic body (`history.path_work`): the residual is an error of the relaxation. Adaptive steps
+see it, and are chosen so that the balance closes (`history.adaptive_steps`). For the tangential stress the
+curve is a parabola through three rows.
 
 An instability leads from an equilibrium that ends to another one at the same position of the punch. The
 difference of their energies, elastic and of the interface, goes into waves and heat: it is lost. A step over
@@ -25,8 +25,8 @@ the balance of the step closes by construction: the residual checks only the ste
 A voltage that changes does work too. The energy of the interface includes the field and its source,
 w(g, t) = -C(g) V(t)^2/2 per area (`interface.adhesion`), and at a fixed gap it changes by -C V dV: a
 rising voltage takes energy out of this balance, into the source. Over a step this is the mean of the change
-of w at the gap before and at the gap after it. The rest of the change of w is then, to rounding, the mean of
-its change at the law before and at the law after: the work of the traction.
+of w at the gap before and at the gap after it, where a step leads over an instability; elsewhere the work on
+the surface and the change of w have it exactly.
 
 A load that has pulled the punch off does work on a free punch. This work is not computed: the change of the
 energies counts as work, there and where the punch comes back.
@@ -74,7 +74,7 @@ class EnergyBalance(Observable):
     LOST = declared("""
         lost | energy lost in instabilities per area | pressure length | from the beginning of the run
         """)
-    KEPT = "work", "lost", "energies", "torn", "largest", "open"
+    KEPT = "work", "lost", "energies", "attraction", "strength", "torn", "largest", "open"
 
     @classmethod
     def columns(cls, config: Config) -> tuple[Column, ...] | None:
@@ -85,7 +85,8 @@ class EnergyBalance(Observable):
         self._work, self._lost, self._sums = 0.0, 0.0, case.grid.sums
         self._interface, self._has_losses = case.drives.interface, bool(case.config.interfaces)
         self._by_depth = case.config.trajectory.control == "depth"
-        self._torn, self._energies = False, 0.0  # whether a load has pulled the punch off; of the last row
+        self._torn = False  # whether a load has pulled the punch off
+        self._energies = self._attraction = self._strength = 0.0  # of the last row
         self._largest = self._open = 0.0  # work or energy; residual
         self._time, self._solver_tolerance = case.config.time, case.config.solver.tolerance
         self._moves = case.config.trajectory.moves
@@ -98,10 +99,10 @@ class EnergyBalance(Observable):
 
     def measure(self, step: Step) -> Mapping[str, float]:
         """Return the balance; position and tangential force are read from the row, if it has them."""
-        stored, dissipated, attraction = step.energy.stored, step.energy.dissipated, self._attraction(step)
+        stored, dissipated, attraction = step.energy.stored, step.energy.dissipated, self._of_interface(step)
         # Other parts of the energy of the contact.
-        attraction += float(step.row.get("plastic_work", 0.0)) + float(step.row.get("slip_heat", 0.0))
-        energies = stored + dissipated + attraction
+        others = attraction + float(step.row.get("plastic_work", 0.0)) + float(step.row.get("slip_heat", 0.0))
+        energies = stored + dissipated + others
         swept = step.swept[-1] if step.swept else 0.0
         now = PathPoint(step.time, step.depth, step.mean_pressure, step.prescribed, swept, step.margin)
         tangential = _tangential(step, self._spin)
@@ -110,11 +111,13 @@ class EnergyBalance(Observable):
             self._work += energies - self._energies
             self._rows.clear()
         else:
-            self._work += self._work_of_step(step, now, tangential, energies - self._energies)
-        residual = self._work - stored - dissipated - attraction - self._lost
+            gained = energies - self._energies, attraction - self._attraction
+            self._work += self._work_of_step(step, now, tangential, *gained)
+        residual = self._work - stored - dissipated - others - self._lost
         self._largest = max(self._largest, abs(self._work), stored + dissipated)
         self._open = max(self._open, abs(residual))
-        self._torn, self._energies = step.detached, energies
+        self._torn, self._energies, self._attraction = step.detached, energies, attraction
+        self._strength = step.interface.strength
         self._rows.append(now)
         self._tangential.append(tangential)
         if self._interface.breakpoints:  # it depends on time
@@ -127,39 +130,39 @@ class EnergyBalance(Observable):
         }
 
     def _work_of_step(
-        self, step: Step, now: PathPoint, tangential: tuple[Point, ...], gained: float
+        self, step: Step, now: PathPoint, tangential: tuple[Point, ...], gained: float, attraction: float
     ) -> float:
         """Work over a step in which the energies grow by `gained`, plus the loss."""
-        released = step.released_energy if self._has_losses else 0.0
-        over = None
-        if released > 0:
-            over = work_over_fold(*self._rows, now, depth_given=self._by_depth)
-        points = [row.point for row in (*self._rows, now)]
-        if step.plastic_work > 0:
-            points = points[-2:]  # the depth may jump where points yield, and no parabola leads over a jump
-        if not self._has_losses:
-            over = self._of_the_surface(step, now), 0.5
-        normal, part = over or (_area(*points), 0.5)
-        work = normal + sum(_area(*curve) for curve in zip(*self._tangential, tangential, strict=True))
+        # `attraction` is the growth of the energy of the interface.
+        released, over = step.released_energy if self._has_losses else 0.0, None
+        along = sum(_area(*curve) for curve in zip(*self._tangential, tangential, strict=True))
+        if released == 0:
+            return self._on_the_surface(step, now, attraction) + along
+        over = work_over_fold(*self._rows, now, depth_given=self._by_depth)
+        last = self._rows[-1].point, now.point
+        normal, part = over or (_area(*last), 0.5)
+        work = normal + along
         if self._field is not None:
             work += self._work_of_the_field(*self._field, step, part)
-        if released > 0:
-            self._rows.clear()  # no parabola through a jump
-            lost = released if over is None else work - gained
-            lost = lost if 0 < lost < released + across(*points[-2:]) else released
-            self._lost, work = self._lost + lost, gained + lost
-        return work
+        self._rows.clear()  # no parabola through a jump
+        lost = released if over is None else work - gained
+        lost = lost if 0 < lost < released + across(*last) else released
+        self._lost += lost
+        return gained + lost
 
-    def _of_the_surface(self, step: Step, now: PathPoint) -> float:
-        """Work of a step under a hard wall: that of the pressure on the surface, and of yielding."""
+    def _on_the_surface(self, step: Step, now: PathPoint, attraction: float) -> float:
+        """Work of a step: that of the pressure on the surface, of yielding, and the energy of the interface."""
         import numpy as np
 
         from gfmdlayer.history.path_work import work_of_step
 
         rows, known = np.array([self._rows[0], self._rows[-1]]), min(len(self._rows), len(step.swept))
         since_first = step.swept[0] if step.swept else 0.0
-        plastic = step.plastic_work if now.prescribed != self._rows[-1].prescribed else 0.0
-        return float(work_of_step(rows, known, np.array(now), since_first)) + plastic
+        if now.prescribed == self._rows[-1].prescribed:
+            if step.interface.strength == self._strength:  # the drive rests, and all the work is in the rows
+                return float(work_of_step(rows, known, np.array(now), since_first))
+            now = now._replace(prescribed=math.nan)  # a voltage changes: the drive does not rest
+        return float(work_of_step(rows, known, np.array(now), since_first)) + step.plastic_work + attraction
 
     @property
     def warning(self) -> str:  # type: ignore[override]
@@ -174,7 +177,7 @@ class EnergyBalance(Observable):
         # The shortest wave of the grid relaxes under a punch that moves, but has no slope along x.
         return f"{said}, or more grid.points" if said and self._moves else said
 
-    def _attraction(self, step: Step) -> float:
+    def _of_interface(self, step: Step) -> float:
         """Energy of the interface per area."""
         interface = step.interface
         if interface.attracts and "interface_energy" not in step.row:  # given in place of the configuration's

@@ -298,7 +298,7 @@ def test_a_checkpoint_with_a_journal_is_told_and_the_case_begins_anew(folder, st
     write_checkpoint(path, made_by, old | {"journal": [["time"], 128, 5]}, state)
     folder.case(7, "snapshots").rename(journal)
     assert run(folder) == "complete"
-    reason = "begins anew, its checkpoint is set aside: it would not give the same bits: format 5 -> 8"
+    reason = "begins anew, its checkpoint is set aside: it would not give the same bits: format 5 -> 9"
     assert reason in capsys.readouterr().err
     assert bits(folder.case(7)) == whole
     left = {path.name for path in folder.cases.iterdir()}
@@ -337,7 +337,7 @@ def test_a_checkpoint_with_measured_plans_is_told_and_the_case_begins_anew(folde
     plans = {"transforms.plans": np.asarray("(of FFTW)"), "transforms.wisdom": np.asarray("(fftw)")}
     write_checkpoint(path, about["made_by"] | {"format": "5"}, kept.about, {**kept.state, **plans})
     assert run(folder) == "complete"
-    assert "it would not give the same bits: format 5 -> 8" in capsys.readouterr().err
+    assert "it would not give the same bits: format 5 -> 9" in capsys.readouterr().err
 
 
 def test_checkpoints_come_at_the_interval_and_cost_little(folder, monkeypatch):
