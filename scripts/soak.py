@@ -42,6 +42,7 @@ from trials.configurations import DEFAULT, draw
 from trials.outcomes import GOOD, Outcome
 
 from gfmdlayer.contact.solvers import SOLVERS
+from gfmdlayer.study.interrupts import stop_requested
 from gfmdlayer.study.preflight import THREAD_VARIABLES
 from gfmdlayer.study.workers import threads_each
 
@@ -76,6 +77,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if time.monotonic() >= end:
             break
         failed += not _one(options, index)
+        if stop_requested():
+            break
     print(table(_read(options.out)))
     return int(failed > 0)
 
@@ -93,6 +96,9 @@ def _one(options: argparse.Namespace, index: int) -> bool:
     folder = Path(tempfile.mkdtemp(prefix="soak-"))
     began = time.monotonic()
     outcome: Outcome = trial(options.seed, index, folder)
+    if stop_requested():  # a signal has cut the trial short
+        shutil.rmtree(folder, ignore_errors=True)
+        return True
     line = {
         "trial": f"{options.seed}:{index}",
         "kind": kind,
