@@ -362,8 +362,13 @@ class Config(Section):
     @property
     def finer_tolerance(self) -> float:
         """Residual that the solver aims at: a finer one than the given where adaptive steps need it."""
-        tolerance, attracts = self.solver.tolerance, bool(self.interfaces)
-        return finer(tolerance, self.time.tolerance, self.contrast, attracts=attracts)
+        tolerance, of_steps, end = self.solver.tolerance, self.time.tolerance, self.time.end
+        if self.interfaces or of_steps is None:
+            return tolerance  # with an interface that attracts, `newton` ends near 1e-8, and steps are not many
+        # Without a glassy modulus the series that replaces a law reaches down to about this part of the run.
+        unlimited = (law.relaxation_modulus for law in self.laws if math.isinf(law.glassy))
+        stiffened = max((float(G(of_steps * end) / G(end)) for G in unlimited), default=1.0)
+        return finer(tolerance, of_steps, self.contrast, stiffened)
 
     @property
     def forces_per_length(self) -> bool:

@@ -242,3 +242,21 @@ def test_under_a_stiff_glass_contact_is_solved_as_steps_need(run):
     contrast = 1 + sum(G for G, _ in branches)
     as_needed = run(stiff | {"solver.tolerance": 0.05 / contrast})
     assert np.array_equal(run(stiff)["time"], as_needed["time"])
+
+
+@pytest.mark.parametrize(("exponent", "tolerance"), [(0.5, 1e-5), (0.8, 1e-4)])
+def test_a_law_without_a_glassy_modulus_does_not_crawl_in_the_noise_of_its_solver(run, exponent, tolerance):
+    """Steps feel stiffnesses of all times: a step that is shortened for the noise would find more of it."""
+    powers = {
+        "grid.points": 128,
+        "layer": {"thickness": 0.1, "material": {"model": "power_law", "exponent": exponent}},
+        "trajectory": {"depth": 0.01, "ramp_time": 0.1},
+        "time": {"end": 0.2, "step": "adaptive", "tolerance": tolerance},
+    }
+    usual, exact = (run(powers | {"solver.tolerance": of_solver}) for of_solver in (1e-6, 1e-11))
+    assert len(usual["time"]) < 1.5 * len(exact["time"])  # noise of the size of the tolerance rejects a few
+    # At the end of the ramp, and of the hold; both have the error of the tolerance, twice at most (above).
+    largest = exact["mean_pressure"].max()
+    for time in (0.1, 0.2):
+        here, there = (each["mean_pressure"][each["time"] == time][0] for each in (usual, exact))
+        assert here == pytest.approx(there, abs=4 * tolerance * largest)

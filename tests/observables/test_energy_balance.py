@@ -187,6 +187,64 @@ def test_adaptive_steps_close_the_balance_and_draw_the_ramp(run, case):
     assert np.abs(drawn - exact).max() < 1.8e-2 * exact.max()
 
 
+ATTRACTED = {
+    "grid.points": 48,
+    "layer": {"thickness": 0.3, "poisson": 0.3},
+    "halfspace.shear_modulus": math.inf,
+    "punch": {"shape": "parabola", "radius": 0.5},
+    "interface": {"law": "exponential", "work": 1e-4, "range": 0.01},
+}
+LIFTED = {
+    "kind": "approach_retract", "control": "load", "load": 0.01, "final": 0.0, "cycles": 2,
+    "approach_speed": 0.02, "retract_speed": 0.02,
+}  # fmt: skip
+
+
+def test_adaptive_steps_close_the_balance_beside_attraction(run):
+    # The curve of load over depth has a corner at each point of this grid; pressures over displacements none.
+    found = run(ATTRACTED | {"trajectory": LIFTED, "time": {"step": "adaptive", "tolerance": 1e-4}})
+    assert np.abs(found["energy_residual"]).max() < 1e-4 * np.abs(found["work"]).max()
+
+
+ELASTIC = {"layer": {"thickness": 0.3, "poisson": 0.3, "material": {"model": "elastic"}}, "grid.points": 128}
+
+
+@pytest.mark.parametrize("source", ["the punch", "a voltage"])
+def test_attraction_and_voltage_do_their_work_in_steps_of_any_length(run, tmp_path, source):
+    """The work is that under the curve of pressure over depth, or of charge over voltage, of short steps."""
+    (tmp_path / "volts.txt").write_text("0 0\n1 1\n")
+    (tmp_path / "rest.txt").write_text("0 -0.002\n1 -0.002\n")
+    law = {
+        "law": "electrostatic",
+        "insulation": 0.02,
+        "permittivity": 2e-4,
+        "voltage": f"{tmp_path}/volts.txt",
+    }
+    ramp = {"kind": "approach_retract", "start": -0.01, "depth": 0.01, "approach_speed": 0.02, "final": -0.01}
+    if source == "the punch":
+        changed = {"trajectory": ramp}
+    else:
+        changed = {"interface": law, "trajectory": {"kind": "table", "file": f"{tmp_path}/rest.txt"}}
+    steps = 0.2, 0.02, 0.01
+    long, short, shortest = (
+        run(ATTRACTED | ELASTIC | changed | {"time": {"end": 1.0, "step": step}}) for step in steps
+    )
+    assert np.abs(long["lost"]).max() == 0
+
+    def area(found):
+        if source == "the punch":
+            return np.trapezoid(found["mean_stress"], found["depth"])
+        volts = found["time"]  # the energy of the interface is -C V^2/2: a charge C V comes from the source
+        return np.trapezoid(2 * found["interface_energy"] / np.maximum(volts, 1e-9), volts)
+
+    known = area(shortest)
+    # A third of the change of the area with the step is the error of the trapezoids; the solver leaves 1e-6.
+    off = abs(known - area(short)) + 1e-5 * abs(known)
+    assert long["work"][-1] - long["work"][0] == pytest.approx(known, abs=off)
+    assert abs(area(long) - known) > 5 * off
+    assert np.abs(long["energy_residual"]).max() < 1e-5 * np.abs(long["work"]).max()
+
+
 def test_an_elastic_body_does_the_work_that_it_stores(run):
     found = run(EVERYDAY["elastic"] | {"time.tolerance": 1e-4})
     half = run(EVERYDAY["elastic"] | {"time.end": 0.25, "time.step": 0.25})["depth"][-1]
