@@ -68,14 +68,17 @@ _READ = {"time", "contact_area", "mean_stress", "area", "force", "contact_radius
 
 
 def strains(config: Config, columns: Mapping[str, FloatArray]) -> dict[str, float]:
-    """Return the largest strain."""
+    """Return the largest strain, or nothing of a geometry without a contact area."""
     import numpy as np
 
     if "contact_area" in columns:
         force, area = columns["mean_stress"], columns["contact_area"]
+    elif "area" in columns:
+        force, area = columns["force"], columns["area"]
+    elif "contact_radius" in columns:
+        force, area = columns["force"], math.pi * columns["contact_radius"] ** 2
     else:
-        force = columns["force"]
-        area = columns["area"] if "area" in columns else math.pi * columns["contact_radius"] ** 2
+        return {}
     touching = np.flatnonzero(area > 0)
     if not touching.size or not config.laws:
         return {}

@@ -167,7 +167,7 @@ def converge(
     >>> config = {"grid": {"points": 128}, "time": {"end": 1.0, "step": 0.1}}
     >>> sure = gfmdlayer.converge(config, "force", "end")
     >>> bool(sure["force"] < 0.1 * sure.data["value"][0]), list(sure.suggested)
-    (True, ['grid.points', 'time.step'])
+    (True, ['grid.points'])
     """
     keys = {key.replace("__", "."): value for key, value in values.items()}
     cases = checked(partial(configuration, config, punch, history, keys, trust))

@@ -108,7 +108,7 @@ def test_friction_needs_its_coefficient_and_a_body_that_responds_to_shear():
     alone = {name: value for name, value in PRESS.items() if name != "friction"}
     with pytest.raises(ConfigError, match="tangential_force: only with friction"):
         solve(halfspace(1.0), **alone, tangential_force=0.1)
-    pair = Pair(halfspace(1.0), Lattice(nearest=1.0, spacing=0.1))
+    pair = Pair(halfspace(1.0), Lattice(nearest=1.0, spacing=1 / 256))
     with pytest.raises(
         ConfigError, match="body: Lattice has no response to shear; must be a halfspace or layers"
     ):

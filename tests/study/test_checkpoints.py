@@ -360,10 +360,11 @@ def test_checkpoints_come_at_the_interval_and_cost_little(folder, monkeypatch):
 
 
 def test_restart_and_completion_leave_no_checkpoint(folder, stop_after):
-    stop_after(4)
-    run(folder)
-    folder.set_aside(folder.case(7, "checkpoint"))
-    run(folder)
+    with opened(folder, Cases(CONFIG)):
+        stop_after(4)
+        run(folder)
+        folder.set_aside(folder.case(7, "checkpoint"))
+        run(folder)
     folder.case(7, "h5.aside").write_text("damaged")
     with opened(folder, Cases(CONFIG), restart=True):
         assert sorted(path.name for path in folder.cases.iterdir()) == [".lock"]

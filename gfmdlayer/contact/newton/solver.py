@@ -383,7 +383,7 @@ def hold(plans: Plans, system: AdhesiveSystem, fields: NewtonFields, cap: Any) -
 # repulsion, leaves the margin far above the least; the cycle finds it.
 
 _MOST = 30  # turns
-_STEADY = 0.02, 0.003  # fall of the margin in a turn, over itself and in all, at which it is known
+_STEADY = 0.01, 0.0015  # fall of the margin in a turn, over itself and in all, at which it is known
 _KICK = 0.3  # change of the traction, over the strength, by which a state that is no minimum is left
 _KICKS = 8  # trials, each with a quarter of the last change
 
