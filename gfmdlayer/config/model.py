@@ -309,6 +309,13 @@ class Config(Section):
         return not of_one and isinstance(self.solid, Pair)
 
     @property
+    def refines(self) -> bool:
+        """Whether the grid may have more points: those of a lattice are its atoms."""
+        every = (self.body, None if self.counterbody is None else self.counterbody.body)
+        bodies, more = (body for body in every if isinstance(body, Solid)), [2 * n for n in self.grid.points]
+        return not any(any(body.problems_on_grid(more, self.grid.period)) for body in bodies)
+
+    @property
     def laws(self) -> tuple[Law, ...]:
         """The material laws of the body."""
         return self.solid.laws
@@ -364,7 +371,9 @@ class Config(Section):
         """Residual that the solver aims at: a finer one than the given where adaptive steps need it."""
         tolerance, of_steps, end = self.solver.tolerance, self.time.tolerance, self.time.end
         if self.interfaces or of_steps is None:
-            return tolerance  # with an interface that attracts, `newton` ends near 1e-8, and steps are not many
+            return (
+                tolerance  # with an interface that attracts, `newton` ends near 1e-8, and steps are not many
+            )
         # Without a glassy modulus the series that replaces a law reaches down to about this part of the run.
         unlimited = (law.relaxation_modulus for law in self.laws if math.isinf(law.glassy))
         stiffened = max((float(G(of_steps * end) / G(end)) for G in unlimited), default=1.0)

@@ -84,6 +84,7 @@ class Resolution(Observable):
 
     def __init__(self, case: Observed) -> None:
         self._grid, self._punch, self._most = case.grid, case.punch, 0
+        self._config = case.config
 
     @property
     def attributes(self) -> Mapping[str, int]:  # type: ignore[override]
@@ -101,8 +102,11 @@ class Resolution(Observable):
         from gfmdlayer.grid.grid import finer
 
         enough = finer(self._grid.points, (FEWEST / self._most) ** (1 / len(self._grid.points)))
-        upside_down = is_upside_down(self._punch, self._grid)
-        advice = UPSIDE_DOWN if upside_down else f"take more grid.points: {enough}"
+        advice = f"take more grid.points: {enough}"
+        if is_upside_down(self._punch, self._grid):
+            advice = UPSIDE_DOWN
+        elif not self._config.refines:
+            advice = "these are its atoms; a larger punch or depth has more"
         return f"COARSE: at most {touching} in contact; {advice}"
 
     def measure(self, step: Step) -> Mapping[str, float]:

@@ -89,7 +89,7 @@ class EnergyBalance(Observable):
         self._energies = self._attraction = self._strength = 0.0  # of the last row
         self._largest = self._open = 0.0  # work or energy; residual
         self._time, self._solver_tolerance = case.config.time, case.config.solver.tolerance
-        self._moves = case.config.trajectory.moves
+        self._grid_limits = case.config.trajectory.moves and case.config.refines
         self._longest = max(stop.step for stop in case.drives.landings)  # step, of fixed ones
         *_, self._spin = case.config.creepages
         self._field: tuple[float, FloatArray] | None = None  # time and gap, where the interface changes
@@ -151,7 +151,7 @@ class EnergyBalance(Observable):
         return gained + lost
 
     def _on_the_surface(self, step: Step, now: PathPoint, attraction: float) -> float:
-        """Work of a step: that of the pressure on the surface, of yielding, and the energy of the interface."""
+        """Work of a step: of the pressure on the surface, of yielding, and of the interface."""
         import numpy as np
 
         from gfmdlayer.history.path_work import work_of_step
@@ -175,7 +175,7 @@ class EnergyBalance(Observable):
             euler = self._time.integrator == "backward_euler"
             said = unbalanced(part, step=min(self._time.step, self._longest), euler=euler)
         # The shortest wave of the grid relaxes under a punch that moves, but has no slope along x.
-        return f"{said}, or more grid.points" if said and self._moves else said
+        return f"{said}, or more grid.points" if said and self._grid_limits else said
 
     def _of_interface(self, step: Step) -> float:
         """Energy of the interface per area."""
