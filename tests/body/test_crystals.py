@@ -319,6 +319,22 @@ def test_a_contact_on_a_crystal_tends_to_that_on_its_continuum():
     assert (areas[0] - 1) / (areas[1] - 1) == pytest.approx(3.0, rel=0.3)
 
 
+def test_more_points_are_no_remedy_where_they_are_atoms():
+    law = {"model": "zener", "G0": 1.0, "Ginf": 4.0, "tau": 1.0}
+    crystal = {"kind": "lattice", "nearest": 1.0, "spacing": 1 / 16, "material": law}
+    config = {
+        "grid": {"points": [16, 16]},
+        "punch": {"shape": "parabola"},
+        "time": {"end": 2.0, "step": 0.25},
+    }
+    config["trajectory"] = {"depth": 0.005, "velocity": 0.3}
+    with pytest.warns(UserWarning, match="UNBALANCED") as caught:
+        gfmdlayer.run(config, body=crystal)
+    said = "\n".join(str(each.message) for each in caught)
+    assert "in contact; these are its atoms" in said
+    assert "grid.points" not in said
+
+
 @pytest.mark.parametrize("method", ["active_set", "nested_gradient", "conjugate_gradient"])
 def test_all_solvers_find_the_same_contact_on_a_lattice(method):
     config = {"grid": {"points": [32, 32]}, "time": {"end": 1.0, "step": 1.0}, "trajectory": {"depth": 0.01}}

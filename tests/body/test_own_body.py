@@ -172,6 +172,25 @@ def test_impossible_keys_are_refused_with_their_place(text, expected):
 
 
 @pytest.mark.parametrize(
+    ("body", "expected"),
+    [
+        ("{kind: table, file: K.txt}", "body.table: missing; must be the name of a file"),
+        (
+            "{file: K.txt}",
+            "K.txt, which is no code; must be a .py file; a table of stiffness is body: {kind:",
+        ),
+    ],
+)
+@pytest.mark.usefixtures("here")
+def test_a_file_of_data_is_not_run(body, expected):
+    Path("K.txt").write_text('open("EXECUTED", "w").write("this file is data")\n')
+    with pytest.raises(ConfigError) as refused:
+        configured(f"name: kt\ngrid: {{points: 64}}\nbody: {body}\n")
+    assert expected in str(refused.value)
+    assert not Path("EXECUTED").exists()
+
+
+@pytest.mark.parametrize(
     ("old", "new", "expected"),
     [
         ("WinklerBed(Solid)", "WinklerBed(Solids)", "winkler.py:17: NameError: name 'Solids' is not"),

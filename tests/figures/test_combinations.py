@@ -94,6 +94,28 @@ def test_contacts_along_a_line_and_on_a_surface_are_drawn_apart(tmp_path):
         assert plot_results(tmp_path, tmp_path / f"{number}.png", kind="snapshots", case=number)
 
 
+def test_friction_under_a_net_pull_is_drawn(tmp_path):
+    """The punch pulls all the time while it moves: a friction without a value has left no panel to draw."""
+    law = {"law": "exponential", "work": 1e-3, "range": 0.01}
+    moved = {"depth": 0.001, "velocity": 0.2}
+    pulled = GIVEN | {"interface": law, "trajectory": moved, "time": {"end": 0.5, "step": 0.1}}
+    found = gfmdlayer.run(pulled, out=tmp_path)
+    assert (found["mean_stress"] < 0).all()
+    assert np.isfinite(found["friction"][1:]).all()
+    with gfmdlayer.open_results(tmp_path) as data:
+        assert [len(axes.lines) for axes in curves_figure(data).axes] == [1, 1, 1]
+
+
+def test_a_sweep_of_snapshots_has_the_fields_of_each_case(tmp_path):
+    given = {"name": "s2", "grid": {"points": 64}, "time": {"end": 2.0, "step": 0.5}}
+    gfmdlayer.run(given, sweep={"output.snapshots": [[1], [1, 2]]}, out=tmp_path)
+    with gfmdlayer.open_results(tmp_path) as data:
+        fields = data["pressure"].load()
+    assert [int(np.isfinite(case).all(axis=1).sum()) for case in fields] == [1, 2]
+    np.testing.assert_array_equal(fields[0, 0], fields[1, 0])
+    assert plot_results(tmp_path, tmp_path / "both.png", kind="snapshots", case=1)
+
+
 @pytest.mark.parametrize(
     "values",
     [

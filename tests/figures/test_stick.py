@@ -23,11 +23,19 @@ ADHESIVE = {
 }
 
 
-@pytest.fixture(scope="module", params=[128, [32, 32]], ids=["line", "surface"])
+VOLTAGE = {
+    "grid.points": [16, 16],
+    "interface": [
+        {"law": "electrostatic", "insulation": 0.02, "permittivity": 8e-3, "voltage": 0.3},
+        {"law": "shear_strength", "stress": 0.3},
+    ],
+}
+CASES = {"line": {"grid.points": 128}, "surface": {"grid.points": [32, 32]}, "voltage": VOLTAGE}
+
+
+@pytest.fixture(scope="module", params=CASES)
 def adhesive(request):
-    return gfmdlayer.run(
-        gfmdlayer.Config(name="stick").with_values(ADHESIVE | {"grid.points": request.param})
-    )
+    return gfmdlayer.run(gfmdlayer.Config(name="stick").with_values(ADHESIVE | CASES[request.param]))
 
 
 def test_stick_and_slip_of_an_adhesive_contact_cover_the_areas_of_the_rows(adhesive):
