@@ -287,7 +287,9 @@ def _prepare() -> None:
 def _run(options: argparse.Namespace, chosen: FitOptions, free: Any, answers: Answers, pool: Any) -> int:
     from gfmdlayer.fitting.force_map import ForceMap
     from gfmdlayer.fitting.starts import read_model
+    from gfmdlayer.interactive.fit_map import FitMap
     from gfmdlayer.results.names import ResultsError
+    from gfmdlayer.results.reader import open_results
     from gfmdlayer.study.progress import make_display
 
     paths = [Path(each) for each in options.data]
@@ -297,7 +299,10 @@ def _run(options: argparse.Namespace, chosen: FitOptions, free: Any, answers: An
         curves = ForceMap(paths, directory, data, keys, chosen, answers)
         summary = curves.run(pool, options.restart, lambda: make_display(sys.stderr))
         if summary.collected and summary.count("complete"):
-            print(curves.draw())
+            with open_results(directory) as found:
+                fits = FitMap(found)
+                print(fits)
+                fits.plot(directory / "map.png")
     except ResultsError as error:
         print(f"gfmdlayer: {error}", file=sys.stderr)
         return FAILED

@@ -59,15 +59,27 @@ class Entry:
     key: str  # the curve in it: a group, a number, or nothing for the only one
     name: str  # names the curve in messages and results
     position: tuple[float, ...] = ()  # place (x, y) on the sample, or nothing
+    unit: str = ""  # of the position, where it is known
 
 
 @dataclass(frozen=True)
-class Source:
+class CurveSource:
     """A curve that is not read yet: in a file, or held in memory in a form that `fit_indentation` takes."""
 
     held: Any  # Entry, ForceCurve, curve of afmformats or nanite, mapping, frame or dataset
     name: str
     position: tuple[float, ...] = ()  # place (x, y) on the sample, or nothing
+    unit: str = ""  # of the position, where it is known
+
+    def place(self, into: Into) -> tuple[float, ...]:
+        """Return the position in the unit of length of a model, where its own is known."""
+        if not self.unit:
+            return self.position
+        known, metre = unit_of(self.unit), unit_of("m")
+        if known is None or metre is None or known.dimension != metre.dimension:
+            raise CurveError(f"curve {self.name}: x, y: got the unit {self.unit!r}; must be one of length")
+        factor = float(known.size) / _sizes(into)[1]
+        return tuple(factor * each for each in self.position)
 
     def curve(self, answers: Answers, into: Into, options: FitOptions, *, timeless: bool) -> ForceCurve:
         """Read the curve; CurveError or TableError if it cannot be used."""
@@ -91,19 +103,19 @@ class Source:
         return hashlib.sha256(repr((told, self.position)).encode()).hexdigest()
 
 
-def sources(curves: Any) -> Iterator[Source]:
+def sources(curves: Any) -> Iterator[CurveSource]:
     """Yield the curves in any form that `fit_indentation` takes, one or an iterable of them."""
     single = isinstance(curves, (ForceCurve, str, Path)) or hasattr(curves, "keys") or _is_afm(curves)
     for number, curve in enumerate([curves] if single else curves):
         if isinstance(curve, ForceCurve):
-            yield Source(curve, curve.name, curve.position)
+            yield CurveSource(curve, curve.name, curve.position)
         elif isinstance(curve, (str, Path)):
             for entry in entries([Path(curve)]):
-                yield Source(entry, entry.name, entry.position)
+                yield CurveSource(entry, entry.name, entry.position, entry.unit)
         elif _is_afm(curve):
-            yield Source(curve, f"{Path(curve.path).stem}-{curve.enum}", _afm_place(curve.metadata))
+            yield CurveSource(curve, f"{Path(curve.path).stem}-{curve.enum}", _afm_place(curve.metadata), "m")
         elif hasattr(curve, "keys"):
-            yield Source(curve, str(number), _place(getattr(curve, "attrs", curve)))
+            yield CurveSource(curve, str(number), _place(getattr(curve, "attrs", curve)))
         else:
             raise FitError(
                 f"curve {number}: got {type(curve).__name__}; must be a ForceCurve, a path, or a mapping, a "
@@ -116,7 +128,7 @@ def _is_afm(curve: Any) -> bool:
     return hasattr(curve, "metadata") and hasattr(curve, "columns")
 
 
-def is_map(curves: Iterable[Source]) -> bool:
+def is_map(curves: Iterable[CurveSource]) -> bool:
     """Whether the curves lie at several places, each known."""
     places = [curve.position for curve in curves]
     return all(places) and len(set(places)) > 1
@@ -324,7 +336,7 @@ def _entries(path: Path) -> Iterator[Entry]:
         for number, data in enumerate(_afm_curves(path)[0]):
             meta = data.metadata
             number_of_curve = meta.get("enum", number)
-            yield Entry(path, str(number), f"{path.stem}-{number_of_curve}", _afm_place(meta))
+            yield Entry(path, str(number), f"{path.stem}-{number_of_curve}", _afm_place(meta), "m")
     elif _in_hdf5(path):
         yield from _hdf5_entries(path)
     else:
@@ -371,10 +383,11 @@ def _hdf5_entries(path: Path) -> Iterator[Entry]:
             yield Entry(path, "", path.stem)
             return
         places = np.stack([file[key][:] for key in "xy"], axis=1) if {"x", "y"} <= set(file) else None
+        unit = "" if places is None else str(file["x"].attrs.get("units", ""))
         digits = len(str(shape[0] - 1))
         for i in range(shape[0]):
             place = () if places is None else tuple(places[i].tolist())
-            yield Entry(path, str(i), f"{path.stem}-{i:0{digits}d}", place)
+            yield Entry(path, str(i), f"{path.stem}-{i:0{digits}d}", place, unit)
 
 
 def _targets(into: Into) -> dict[str, str]:

@@ -23,11 +23,9 @@ import numpy as np
 
 from gfmdlayer.arrays import FloatArray
 from gfmdlayer.config import ConfigError
-from gfmdlayer.figures.map_plots import fit_map_figure
-from gfmdlayer.figures.plot_style import save
 from gfmdlayer.files.tables import Answers
 from gfmdlayer.files.whole import cannot_be_written, is_intact, write_text
-from gfmdlayer.fitting.curve_files import SI, Entry, Source, contents, sources, units_of
+from gfmdlayer.fitting.curve_files import SI, Entry, CurveSource, contents, sources, units_of
 from gfmdlayer.fitting.elastic import CHOOSE, KINDS, NO_ADHESION
 from gfmdlayer.fitting.force_curve import COLUMNS as OF_A_CURVE
 from gfmdlayer.fitting.force_curve import Correction
@@ -36,12 +34,10 @@ from gfmdlayer.fitting.indentation_report import COLUMNS, SCALARS, accounts, add
 from gfmdlayer.fitting.measurement import FitError
 from gfmdlayer.fitting.prediction import Prediction
 from gfmdlayer.fitting.problem import Free, IndentationModel
-from gfmdlayer.fitting.result import FitOptions, IndentationFit
+from gfmdlayer.fitting.result import FitOptions, IndentationFit, unit_of_parameter
 from gfmdlayer.fitting.starts import keys_with_adhesion
-from gfmdlayer.results.names import parameter
 from gfmdlayer.results.netcdf import add_variable, new_file, opened, set_attributes
 from gfmdlayer.results.provenance import provenance
-from gfmdlayer.results.reader import open_results
 from gfmdlayer.study.case_run import record_failure
 from gfmdlayer.study.claims import PATIENCE, Claim, Taken, in_use, locked
 from gfmdlayer.study.folder import (
@@ -59,6 +55,7 @@ from gfmdlayer.study.run import Summary
 from gfmdlayer.study.schedule import Outcome, Schedule
 from gfmdlayer.study.workers import WorkerPool
 from gfmdlayer.validation import text
+from gfmdlayer.validation.units import Units, label_of
 
 # The file cases/NNNN.h5 of the estimates of one curve:
 #
@@ -72,7 +69,7 @@ class MapCase:
     """A curve of a map."""
 
     index: int  # number of the curve and of its file
-    source: Source  # the curve, not read yet
+    source: CurveSource  # the curve, not read yet
     contents: str  # hash of the file, or of the numbers held in memory
 
     @property
@@ -202,7 +199,7 @@ def read_estimates(path: Path, digest: str | None = None) -> Estimates | None:
 # NaN, and the attribute `failed` lists it.
 
 SECTIONS = ("layer", "layers", "halfspace", "punch")
-SAME_PLACE = 1e-3  # of the spacing: positions closer than this are the same coordinate
+SAME_PLACE = 0.05  # of the largest spacing: positions closer than this, as of a stage, are one coordinate
 _MEANINGS = {
     "": "",
     "_error": "standard error of ",
@@ -220,10 +217,10 @@ class _MapLayout(NamedTuple):
 
 def collect(
     folder: Folder, cases: Sequence[MapCase], keys: Sequence[str], reasons: Mapping[int, str],
-    attributes: Mapping[str, str], unit: Callable[[str], str] = str,
+    attributes: Mapping[str, str], units: Units | None,
 ) -> Path:  # fmt: skip
     """Write the map from the files of its curves; `reasons` are the errors of failed curves."""
-    layout = _layout([case.source.position for case in cases])
+    layout = _layout([case.source.place(units_of(units)) for case in cases])
     shape = tuple(values.size for values in layout.coordinates.values())
     names = parameter_names(keys)
     tables = np.full((len(keys), len(_MEANINGS), *shape), np.nan)
@@ -246,13 +243,13 @@ def collect(
     with new_file(folder.sweep) as file:
         h5 = file.begin()
         for name, values in layout.coordinates.items():
-            add_variable(h5, name, (name,), {}, data=values)
+            known = label_of(units, "length") if name != "curve" else None
+            add_variable(h5, name, (name,), {"units": known} if known else {}, data=values)
         dimensions = tuple(layout.coordinates)
         for name, key, parts in zip(names, keys, tables, strict=True):
-            known = parameter(key) if key.partition(".")[0] in SECTIONS else None
-            units = {"units": unit(known.units)} if known else {}
+            unit = unit_of_parameter(units, key)
             for (suffix, meaning), table in zip(_MEANINGS.items(), parts, strict=True):
-                described = {"long_name": f"{meaning}{key}", "key": key, **units}
+                described = {"long_name": f"{meaning}{key}", "key": key} | ({"units": unit} if unit else {})
                 add_variable(h5, f"{name}{suffix}", dimensions, described, data=table)
         for name, table in zip(SCALARS, scalars, strict=True):
             add_variable(h5, name, dimensions, {}, data=table)
@@ -290,10 +287,8 @@ def _levels(values: FloatArray) -> tuple[np.ndarray[tuple[int, ...], np.dtype[np
     """Return the number of the level of each value, and the levels, ascending."""
     order = np.sort(values)
     steps = np.diff(order)
-    spread = float(np.ptp(values))
-    large = steps[steps > 1e-6 * spread] if spread > 0 else steps[:0]
-    apart = SAME_PLACE * float(np.median(large)) if large.size else np.inf
-    levels = order[np.concatenate(([True], steps > apart))]
+    begins = np.concatenate(([0], 1 + np.flatnonzero(steps > SAME_PLACE * steps.max(initial=0.0))))
+    levels = np.add.reduceat(order, begins) / np.diff(np.append(begins, order.size))
     return np.abs(values[:, np.newaxis] - levels).argmin(axis=1), levels
 
 
@@ -378,16 +373,9 @@ class ForceMap:
                     if outcome.state == "failed"
                 }
                 collect(self.folder, self.cases, self.keys, reasons, {"name": self._model.config.name},
-                        self._model.config.unit)  # fmt: skip
+                        self._model.config.units)  # fmt: skip
         failures = [outcomes[index] for index in sorted(outcomes) if outcomes[index].state == "failed"]
         return Summary(Counter(each.state for each in outcomes.values()), failures, collected)
-
-    def draw(self) -> Path:
-        """Draw the map into its folder."""
-        path = self.folder.path / "map.png"
-        with open_results(self.folder.path) as found:
-            save(fit_map_figure(found), path)
-        return path
 
     def _warm_up(self, pool: WorkerPool, todo: Sequence[MapCase]) -> None:
         """Compile the kernels here, before several processes do."""

@@ -73,15 +73,18 @@ class FitMap:
         return ["parameter", "median", "quartiles", "unit", "curves"], rows
 
     def _notes(self) -> Iterator[str]:
-        """Yield the failed curves with their reasons, and each warning with the number of its curves."""
+        """Yield the failed curves with their reasons, and one warning of each kind with its curves."""
         for name, reason in self.failed.items():
             yield f"failed: {name}: {reason}"
-        lines = [line for text in self.data["warnings"].to_numpy().ravel() for line in str(text).splitlines()]
+        named = zip(
+            self.data["name"].to_numpy().ravel(), self.data["warnings"].to_numpy().ravel(), strict=True
+        )
         kinds: dict[str, list[str]] = {}
-        for line in lines:
-            kinds.setdefault("".join(c for c in line if not c.isdigit()), []).append(line)
+        for name, lines in named:
+            for line in str(lines).splitlines():
+                kinds.setdefault(line.partition(" (")[0], []).append(f"{name}: {line}")
         for alike in kinds.values():
-            yield f"warning of {len(alike)} curve{'s' * (len(alike) > 1)}: {alike[0]}"
+            yield f"warning of {len(alike)}, such as {alike[0]}" if alike[1:] else f"warning of {alike[0]}"
 
     def __str__(self) -> str:
         """Return a table of the parameters, the failed curves and the warnings."""
@@ -89,7 +92,8 @@ class FitMap:
         widths = [max(len(row[c]) for row in (head, *rows)) for c in range(len(head))]
         lines = ["  ".join(f"{cell:{w}}" for cell, w in zip(row, widths, strict=True)).rstrip()
                  for row in (head, *rows)]  # fmt: skip
-        return "\n".join([f"Fits of {self.data['case'].size} curves", *lines, *self._notes()])
+        count = int((self.data["case"] >= 0).sum())
+        return "\n".join([f"Fits of {count} curves, each by itself", *lines, *self._notes()])
 
     def _repr_html_(self) -> str:
         head, rows = self.table()
