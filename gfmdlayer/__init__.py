@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from gfmdlayer.fitting.design import design_indentation
     from gfmdlayer.fitting.force_curve import ForceCurve
     from gfmdlayer.fitting.indentation import fit_indentation
+    from gfmdlayer.fitting.material import fit_material
     from gfmdlayer.indentation.indent import indent
     from gfmdlayer.interactive.fit_map import fit_map
     from gfmdlayer.interactive.inside import inside
@@ -59,7 +60,7 @@ __all__ = [
     "LayerStack", "LayeredHalfspace", "LennardJones", "Pair", "Parabola", "PowerLaw", "Prony", "Pyramid",
     "RadialProfile", "SelfAffine", "Sinusoid", "Solid", "Spectrum", "Sphere", "Tabulated",
     "ViscoelasticLayer", "Wavevectors", "Wedge", "Zener", "bonded_layer", "converge", "design_indentation",
-    "fit_indentation", "fit_map", "halfspace",
+    "fit_indentation", "fit_map", "fit_material", "halfspace",
     "indent", "inside", "leakage", "load", "open_case", "open_results", "relaxation_spectrum", "run",
     "simulate", "solve",
 ]  # fmt: skip
@@ -70,6 +71,7 @@ _MODULES = {
     "gfmdlayer.fitting.force_curve": ("ForceCurve",),
     "gfmdlayer.fitting.design": ("design_indentation",),
     "gfmdlayer.fitting.indentation": ("fit_indentation",),
+    "gfmdlayer.fitting.material": ("fit_material",),
     "gfmdlayer.indentation.indent": ("indent",),
     "gfmdlayer.results.reader": ("open_case", "open_results"),
     "gfmdlayer.interactive.fit_map": ("fit_map",),

@@ -33,7 +33,8 @@ _READING = """
 """
 
 _FIT_MATERIAL = """
-data DATA  table with headings: omega or f with moduli or compliances, or t with G(t) or J(t)
+data DATA ...  tables with headings: omega or f with moduli or compliances, or t with G(t) or J(t); curves at
+  several temperatures by a column T [degC], or one in each file, are shifted to one
 --modulus {G,E}  moduli and compliances that do not say it: G in shear, E in tension
 --units NAME=UNIT ...  units of columns without a unit, such as frequency=Hz
 --law {prony,fractional_zener,power_law,kohlrausch,havriliak_negami} = prony  law to fit
@@ -43,9 +44,12 @@ data DATA  table with headings: omega or f with moduli or compliances, or t with
 --branches N  number of branches (default: the fewest that fit)
 --relaxed-modulus G0  relaxed modulus (default: fitted)
 --normalise  write moduli in units of G0
---temperature T  shift the times to this temperature
---reference T0  temperature of the data
---wlf C1 C2  WLF constants at T0
+--temperature T  of one curve: shift the times to this temperature
+--temperatures T ...  temperatures of the files, degrees Celsius
+--shift {wlf,arrhenius,free} = wlf  law of the shift of several curves, which is fitted (default: wlf)
+--vertical  moduli of several curves have a factor too
+--reference T0  temperature of the data, or of the material from several (default: the one in the middle)
+--wlf C1 C2  WLF constants at T0, which are held
 --force  overwrite files
 """
 
@@ -60,16 +64,18 @@ def fit_material(options: argparse.Namespace) -> int:
     from gfmdlayer.fitting import material
     from gfmdlayer.fitting.measurement import FitError
 
-    temperatures = [
-        value for value in (options.temperature, options.reference, options.wlf) if value is not None
-    ]
-    if len(temperatures) not in (0, 3):
-        return refuse("--temperature, --reference and --wlf: give all three or none")
+    if options.wlf is not None and options.reference is None:
+        return refuse("--wlf: needs --reference, the temperature to which C1 and C2 belong")
+    if options.temperature is not None and options.wlf is None:
+        return refuse("--temperature: needs --reference and --wlf")
     if options.poisson is not None and not -1 < options.poisson <= 0.5:
         return refuse(f"--poisson: got {options.poisson:g}; must be a number > -1 and <= 0.5")
+    held = None
+    if options.wlf is not None:
+        held = WLF(**dict(zip(("C1", "C2"), options.wlf, strict=True)), reference=options.reference)
     try:
-        summary = material.fit_material(
-            Path(options.data),
+        summary = material.write_fit(
+            [Path(each) for each in options.data],
             options.out,
             law=options.law,
             poisson=options.poisson,
@@ -77,9 +83,11 @@ def fit_material(options: argparse.Namespace) -> int:
             branches=options.branches,
             relaxed=options.relaxed_modulus,
             temperature=options.temperature,
-            shift=WLF(**dict(zip(("C1", "C2"), options.wlf, strict=True)), reference=options.reference)
-            if temperatures
-            else None,
+            temperatures=options.temperatures or (),
+            held=held,
+            shift=options.shift,
+            reference=options.reference,
+            vertical=options.vertical,
             normalise=options.normalise,
             force=options.force,
         )

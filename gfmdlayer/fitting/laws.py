@@ -98,7 +98,7 @@ def fit(measurement: Measurement, branches: int | None = None, relaxed: float | 
     check_relaxed(measurement, relaxed)
     if isinstance(measurement, CreepCurve):
         return _fit_creep(measurement, branches, flows=relaxed == 0 or None)
-    problem = _SeriesProblem(measurement, relaxed)
+    problem = SeriesProblem(measurement, relaxed)
     least = problem.least
     enough = max(MARGIN * least, ACCURACY)
     times = problem.grown(branches or most, EXACT if branches else enough)
@@ -114,7 +114,7 @@ def fit(measurement: Measurement, branches: int | None = None, relaxed: float | 
 def _fit_creep(curve: CreepCurve, branches: int | None, *, flows: bool | None) -> FittedLaw:
     """Fit retarded compliances, and a flow where the curve shows one or it is asked for."""
     problems = [
-        _SeriesProblem(curve, None, flows=each) for each in ((False, True) if flows is None else (True,))
+        SeriesProblem(curve, None, flows=each) for each in ((False, True) if flows is None else (True,))
     ]
     least = problems[-1].least
     # A solid whose creep ends beyond the data looks like a liquid: a flow must improve the fit.
@@ -154,7 +154,7 @@ def flows(measurement: Measurement, relaxed: float) -> FitError:
 
 
 @dataclass(frozen=True)
-class _SeriesProblem:
+class SeriesProblem:
     """The least-squares problem in the moduli, G0 first, and the logarithms of the times.
 
     Of a creep curve: in the compliances, the instantaneous one and then that of the flow first.
@@ -166,11 +166,13 @@ class _SeriesProblem:
 
     @cached_property
     def bounds(self) -> tuple[float, float]:
+        """The least and the largest logarithm of a time."""
         shortest, longest = self.measurement.reach
         return math.log(shortest) - BEYOND, math.log(longest) + BEYOND
 
     @cached_property
     def grid(self) -> FloatArray:
+        """Logarithms of times, dense."""
         first, last = self.bounds
         return np.linspace(first, last, math.ceil((last - first) / SPACING) + 1)
 
@@ -308,7 +310,7 @@ def fit_law(measurement: Measurement, model: str, relaxed: float | None = None) 
     if relaxed is None and not isinstance(law, PowerLaw) and law.relaxed < FLOWING * lowest:
         raise flows(measurement, law.relaxed)
     creeps = isinstance(measurement, CreepCurve)
-    return FittedLaw(measurement, law, _SeriesProblem(measurement, relaxed or None, flows=creeps).least)
+    return FittedLaw(measurement, law, SeriesProblem(measurement, relaxed or None, flows=creeps).least)
 
 
 def _relaxing(

@@ -20,7 +20,7 @@ from __future__ import annotations
 import math
 import re
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -37,6 +37,8 @@ from gfmdlayer.files.tables import Answers, TableError, TextTable, read_table
 from gfmdlayer.files.units import unit_of
 
 FEWEST_ROWS = 8  # enough to choose between one branch and two
+FEWEST_OF_A_TEMPERATURE = 3  # rows of one of several curves
+SAME_TEMPERATURE = 1.0  # kelvin: rows closer than this are of one curve
 
 
 class FitError(ValueError):
@@ -53,6 +55,7 @@ class Measurement(ABC):
     units: tuple[str, str] = ("", "")  # of times and moduli, where the file names them
     account: str = ""  # how the file was read
     notes: tuple[str, ...] = ()  # conversions
+    temperature: float | None = None  # degrees Celsius, where it is known
 
     name: ClassVar[str]
     columns: ClassVar[tuple[str, ...]]
@@ -62,7 +65,8 @@ class Measurement(ABC):
     @property
     def reach(self) -> tuple[float, float]:
         """The shortest and the longest relaxation time within the measured range."""
-        shortest, longest = sorted((self.abscissa[[0, -1]] ** float(self.power)).tolist())
+        ends = np.array([self.abscissa.min(), self.abscissa.max()])
+        shortest, longest = sorted((ends ** float(self.power)).tolist())
         return shortest, longest
 
     @property
@@ -179,7 +183,7 @@ class CreepCurve(Measurement):
     @property
     def flow(self) -> FloatArray:
         """Response t of a dashpot, in units of the longest time, shape (rows,)."""
-        return np.asarray(self.abscissa / self.abscissa[-1])
+        return np.asarray(self.abscissa / self.abscissa.max())
 
     def response(self, times: FloatArray) -> FloatArray:
         """1 - exp(-t/theta)."""
@@ -256,7 +260,10 @@ _WAYS: Sequence[tuple[type[Measurement], str, tuple[str, ...]]] = (
     (CreepCurve, "time", ("J(t)",)),
 )
 _STRESSES = ("Pa", "kPa", "MPa", "GPa", "mPa", "bar", "psi", "ksi")  # of configurations
-WANTED = (ANGULAR, ORDINARY, "time", "step time", _TAN, "phase", *_TENSION, *_TENSION.values())
+TEMPERATURE = "temperature"
+WANTED = (
+    ANGULAR, ORDINARY, "time", "step time", _TAN, "phase", *_TENSION, *_TENSION.values(), TEMPERATURE,
+)  # fmt: skip
 _APART = 4  # of these, the units of frequencies and times
 ORDERS = ((ANGULAR, "G'", "G''"), ("time", "G(t)"))
 WAYS = (
@@ -272,50 +279,100 @@ def read(path: Path, poisson: float | None = None, answers: Answers = Answers())
 
     The columns go by their names; without names they are omega, G', G'', or t, G, or E where the answers say
     so. `poisson`, 1/2 by default, converts moduli and compliances in tension. Rows are sorted by frequency or
-    time.
+    time. A table with rows at several temperatures is refused, see `isotherms`.
     """
+    first, *others = isotherms(path, poisson, answers)
+    if others:
+        raise TableError(f"{path}: has curves at {1 + len(others)} temperatures; must be one")
+    return first
+
+
+def isotherms(
+    path: Path, poisson: float | None = None, answers: Answers = Answers()  # noqa: B008
+) -> list[Measurement]:  # fmt: skip
+    """Read the curves of a table, see `read`: one of each temperature where it has a column of them."""
     table = read_table(path, WANTED, answers, orders=ORDERS, apart=WANTED[:_APART])
     columns = _Quantities(table, 1 / (2 * (1 + (0.5 if poisson is None else poisson))))
     kind, abscissa, needed = _way(columns, answers)
     values = {name: columns.take(name) for name in (abscissa, *needed)}
-    x, notes = values[abscissa], []
-    order = np.argsort(x, kind="stable")
-    if kind is not MasterCurve and x[order[0]] == 0:
-        order = order[1:]
-        notes.append("The row at t = 0 is left out: times count by their logarithm.")
-    for name, column in values.items():
-        if (wrong := np.flatnonzero(~(column > 0))).size and (row := int(wrong[0])) in order:
-            raise TableError(f"{table.place(row)}: {name} = {column[row]:g}; must be > 0")
-    if (same := np.flatnonzero(np.diff(x[order]) <= 0)).size:
-        first, second = (int(order[same[0] + i]) for i in range(2))
-        line = table.place(first).rpartition(":")[2]
-        message = f"{abscissa} = {x[second]:g} again, after line {line}; must be one row for each"
-        raise TableError(f"{table.place(second)}: {message}")
-    if order.size < FEWEST_ROWS:
-        raise TableError(f"{path}: holds {order.size} rows of numbers; must be at least {FEWEST_ROWS}")
-    if (np.diff(order) < 0).any():
-        notes.append(f"The rows are sorted by {abscissa}.")
-    headless = not any(column.heading for column in table.columns.values())
+    said = list(_conversions(table, columns, needed, poisson, answers))
+    temperatures, degrees = _temperatures(table)
+    groups = _groups(temperatures, table) if temperatures is not None else [np.arange(values[abscissa].size)]
+    least = FEWEST_ROWS if len(groups) == 1 else FEWEST_OF_A_TEMPERATURE
+    notes, found = list[str](), []
+    for rows in groups:
+        x = values[abscissa][rows]
+        order = rows[np.argsort(x, kind="stable")]
+        if kind is not MasterCurve and values[abscissa][order[0]] == 0:
+            order = order[1:]
+            notes.append("The row at t = 0 is left out: times count by their logarithm.")
+        for name, column in values.items():
+            if (wrong := np.flatnonzero(~(column > 0))).size and (row := int(wrong[0])) in order:
+                raise TableError(f"{table.place(row)}: {name} = {column[row]:g}; must be > 0")
+        if (same := np.flatnonzero(np.diff(values[abscissa][order]) <= 0)).size:
+            first, second = (int(order[same[0] + i]) for i in range(2))
+            line = table.place(first).rpartition(":")[2]
+            message = f"{abscissa} = {values[abscissa][second]:g} again, after line {line}"
+            raise TableError(f"{table.place(second)}: {message}; must be one row for each")
+        at = None if temperatures is None else float(temperatures[rows].mean())
+        if order.size < least:
+            where = "" if at is None or len(groups) == 1 else f" at {at:g} degrees Celsius"
+            message = f"holds {order.size} rows of numbers{where}; must be at least {least}"
+            raise TableError(f"{path}: {message}")
+        if (np.diff(order) < 0).any():
+            notes.append(f"The rows are sorted by {abscissa}.")
+        if kind is MasterCurve:
+            moduli = _PAIRS[needed[0], needed[1]](values[needed[0]], values[needed[1]])
+            columns.refuse_contradictions(moduli, needed)
+            parts = _parts(moduli).reshape(2, -1)
+            if (wrong := np.flatnonzero(~(parts > 0).all(axis=0))).size:
+                raise TableError(f"{table.place(int(wrong[0]))}: {needed[0]} < {needed[1]}; must be larger")
+        else:
+            parts = values[needed[0]][np.newaxis]
+        units, told = columns.units(abscissa), tuple(dict.fromkeys([*notes, *degrees, *said]))
+        found.append(
+            kind(path.name, values[abscissa][order], parts[:, order], units, table.account, told, at)
+        )
+    return found
+
+
+def _conversions(
+    table: TextTable, columns: _Quantities, needed: Sequence[str], poisson: float | None, answers: Answers
+) -> Iterator[str]:
+    """Yield how moduli were taken, in shear or in tension."""
     if columns.tension:
         assumed = "nu = 0.5, which is assumed" if poisson is None else f"nu = {poisson:g}"
-        notes.append(f"Moduli in tension are divided by 2 (1 + nu), with Poisson's ratio {assumed}.")
-    elif headless:
+        yield f"Moduli in tension are divided by 2 (1 + nu), with Poisson's ratio {assumed}."
+    elif not any(column.heading for column in table.columns.values()):
         asked = answers.to_give("modulus", "E")
         if poisson is not None and answers.modulus is None:
             either = f"in shear, and need no Poisson's ratio, or in tension; say which, {asked} or G"
-            raise TableError(f"{path}: has no headings: its moduli may be {either}")
-        notes.append(f"No headings: {' and '.join(needed)} are taken in shear; {asked} for tension.")
+            raise TableError(f"{table.path}: has no headings: its moduli may be {either}")
+        yield f"No headings: {' and '.join(needed)} are taken in shear; {asked} for tension."
     elif poisson is not None:
-        notes.append(f"Poisson's ratio {poisson:g} has no effect: {' and '.join(needed)} are in shear.")
-    if kind is MasterCurve:
-        moduli = _PAIRS[needed[0], needed[1]](values[needed[0]], values[needed[1]])
-        columns.refuse_contradictions(moduli, needed)
-        parts = _parts(moduli).reshape(2, -1)
-        if (wrong := np.flatnonzero(~(parts > 0).all(axis=0))).size:
-            raise TableError(f"{table.place(int(wrong[0]))}: {needed[0]} < {needed[1]}; must be larger")
-    else:
-        parts = values[needed[0]][np.newaxis]
-    return kind(path.name, x[order], parts[:, order], columns.units(abscissa), table.account, tuple(notes))
+        yield f"Poisson's ratio {poisson:g} has no effect: {' and '.join(needed)} are in shear."
+
+
+def _temperatures(table: TextTable) -> tuple[FloatArray | None, list[str]]:
+    """Return the temperature of each row in degrees Celsius, if the table has it, and a note."""
+    if TEMPERATURE not in table.columns:
+        return None, []
+    if table.columns[TEMPERATURE].unit is None:
+        return table.take(TEMPERATURE, None), ["Temperatures without a unit are in degrees Celsius."]
+    return table.take(TEMPERATURE, "degC"), []
+
+
+def _groups(temperatures: FloatArray, table: TextTable) -> list[NDArray[np.intp]]:
+    """Return the rows of each temperature."""
+    order = np.argsort(temperatures, kind="stable")
+    found = np.split(order, 1 + np.flatnonzero(np.diff(temperatures[order]) > SAME_TEMPERATURE))
+    for rows in found:
+        if (spread := float(np.ptp(temperatures[rows]))) > 2 * SAME_TEMPERATURE:
+            raise TableError(
+                f"{table.path}: the temperature changes by {spread:.3g} K in steps below "
+                f"{SAME_TEMPERATURE:g} K; must be constant over the rows of a curve"
+            )
+    return found
 
 
 def _way(columns: _Quantities, answers: Answers) -> tuple[type[Measurement], str, tuple[str, ...]]:

@@ -15,7 +15,7 @@ from gfmdlayer.case.model import simulate
 from gfmdlayer.config import load
 from gfmdlayer.files.tables import Answers, TableError
 from gfmdlayer.fitting.laws import ACCURACY, MARGIN, FittedLaw, fit
-from gfmdlayer.fitting.material import fit_figure, fit_material
+from gfmdlayer.fitting.material import fit_figure, write_fit
 from gfmdlayer.fitting.measurement import CreepCurve, FitError, MasterCurve, RelaxationCurve, read
 from gfmdlayer.results.names import ResultsError
 from gfmdlayer.results.recording import Recording
@@ -372,7 +372,7 @@ def test_a_shift_of_temperature_multiplies_times_by_its_factor():
 )
 def test_a_temperature_to_which_a_law_cannot_shift_is_refused(data, temperature, message):
     with pytest.raises(FitError, match=message):
-        fit_material(data, temperature=temperature, shift=WLF(C1=17.44, C2=51.6, reference=25.0))
+        write_fit(data, temperature=temperature, held=WLF(C1=17.44, C2=51.6, reference=25.0))
 
 
 @pytest.fixture
@@ -386,7 +386,7 @@ def data(tmp_path, monkeypatch):
 
 def test_the_material_written_can_be_loaded_and_run(data):
     shift = WLF(C1=17.44, C2=51.6, reference=25.0)
-    report = fit_material(data, normalise=True, temperature=30.0, shift=shift)
+    report = write_fit(data, normalise=True, temperature=30.0, held=shift)
     read_back = load("rubber 1.yaml", ["grid.points=32", "time.end=0.03", "time.step=0.01"])
     assert read_back.name == "rubber-1"
     assert isinstance(read_back.layer.material, Prony)
@@ -438,7 +438,7 @@ def test_the_summary_warns_about_extrapolated_moduli(tmp_path, data):
     curve = fractional_zener(MasterCurve, np.geomspace(0.03, 3, 41), 0.5)
     lowest, highest = curve.moduli[0, [0, -1]]
     np.savetxt(data, np.column_stack([curve.abscissa, *curve.moduli]))
-    report = fit_material(data, tmp_path)
+    report = write_fit(data, tmp_path)
     assert f"is extrapolated: the lowest measured modulus is {lowest:.4g}" in report
     assert f"is extrapolated: the highest measured modulus is {highest:.4g}" in report
 
@@ -446,24 +446,24 @@ def test_the_summary_warns_about_extrapolated_moduli(tmp_path, data):
 def test_rows_crowded_at_one_end_are_pointed_out(data):
     t = np.linspace(1e-3, 100, 1000)
     np.savetxt(data, np.column_stack([t, KNOWN.relaxation_modulus(t)]))
-    assert "and dominate the fit" in fit_material(data)
+    assert "and dominate the fit" in write_fit(data)
 
 
 @pytest.mark.parametrize("existing", ["rubber 1.yaml", "rubber 1.png"])
 def test_nothing_is_overwritten_unless_forced(data, existing):
     Path(existing).write_text("precious")
     with pytest.raises(ResultsError, match=f"{existing}: exists; .*--force"):
-        fit_material(data)
+        write_fit(data)
     assert sorted(path.name for path in Path().iterdir()) == sorted([data.name, existing])
     assert Path(existing).read_text() == "precious"
-    fit_material(data, force=True)
+    write_fit(data, force=True)
     assert not Path(existing).read_bytes().startswith(b"precious")
 
 
 def test_the_data_are_never_overwritten(data):
     data = data.rename("rubber.yaml")
     with pytest.raises(ResultsError, match=r"rubber.yaml: is the data; choose another --out"):
-        fit_material(data, force=True)
+        write_fit(data, force=True)
 
 
 @pytest.mark.parametrize(
@@ -477,7 +477,7 @@ def test_the_data_are_never_overwritten(data):
 def test_the_material_goes_to_the_file_or_folder_that_is_asked_for_in_the_unit_of_the_data(
     data, out, material
 ):
-    report = fit_material(data, Path(out))
+    report = write_fit(data, Path(out))
     warning = "warning: the moduli are in the unit of the data (G0 = 2e+06); give halfspace.shear_modulus"
     assert warning in report
     assert report.splitlines()[-2:] == [
@@ -505,8 +505,9 @@ def test_the_command_line_fits_with_its_options(data, capsys):
     [
         (lambda _: ["absent.csv"], "absent.csv: cannot be read"),
         (lambda data: [data, "--branches", "0"], "got 0 branches; must be 1 to 39 for 40 rows"),
-        (lambda data: [data, "--wlf", "17", "51"],
-         "--temperature, --reference and --wlf: give all three or none"),
+        (lambda data: [data, "--wlf", "17", "51"], "--wlf: needs --reference"),
+        (lambda data: [data, "--temperature", "30"], "--temperature: needs --reference and --wlf"),
+        (lambda data: [data, "--wlf", "17", "51", "--reference", "5"], "also needs --temperature"),
         (lambda data: [data, "--out", data], "cannot be written"),
         (lambda data: [data, "--temperature", "0", "--reference", "60", "--wlf", "17", "51"],
          "--temperature: got 0, where the wlf law has no value; must be above 9 degrees Celsius"),
