@@ -75,7 +75,7 @@ SOLVERS: Mapping[str, Declaration] = {
         "gap",
         36,
         0.4,
-        fields=46,
+        fields=50,  # with pressure and gap of two rows, for the work
         adhesive=True,
         distributed=True,
         yields=True,
@@ -87,7 +87,7 @@ SOLVERS: Mapping[str, Declaration] = {
 FRICTIONAL = Declaration(
     "gfmdlayer.friction.solver:FrictionSolver", "pressure", 25, 0.08, fields=80, rough=3.5
 )
-ATTRACTED = replace(FRICTIONAL, pairs=60, power=0.14, fields=126)  # with `newton` for the normal contact
+ATTRACTED = replace(FRICTIONAL, pairs=60, power=0.14, fields=130)  # with `newton` for the normal contact
 
 STEADY_ROLLING = replace(FRICTIONAL, pairs=150, power=0.08, fields=140)  # the one step of the state
 

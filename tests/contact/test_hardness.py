@@ -307,7 +307,7 @@ def test_with_attraction_it_is_the_minimum_over_gaps_and_flows(law):
 
 def test_flat_summits_stick_better_and_the_balance_of_energy_closes():
     """The wall carries the hardness, the flow stress works on the imprint, and the pull-off grows."""
-    # The balance closes at least in proportion to the steps.
+    # The balance closes at least in proportion to the steps; in longer ones errors of both signs cancel.
     law, speed = {"law": "exponential", "work": 0.02, "range": 0.01}, 0.05
     path = {"kind": "approach_retract", "start": -0.05, "depth": 0.03, "final": -0.1}
     keys = {
@@ -319,7 +319,7 @@ def test_flat_summits_stick_better_and_the_balance_of_energy_closes():
         "output": {"snapshots": [1.6]},
     }
     pulls, residuals = [], []
-    for hardness, step in ((None, 0.1), (4.0, 0.1), (4.0, 0.025)):
+    for hardness, step in ((None, 0.05), (4.0, 0.05), (4.0, 0.0125)):
         wall = {"law": "hard_wall"} if hardness is None else {"law": "hard_wall", "hardness": hardness}
         case, found = Case(config(None, interface=[law, wall], time={"step": step}, **keys)), Kept()
         case.run(found)
@@ -330,10 +330,10 @@ def test_flat_summits_stick_better_and_the_balance_of_energy_closes():
             assert imprint.max() > 0
             work = found["plastic_work"][-1]
             assert work == pytest.approx((hardness - 2.0) * case.contact.imprint.depth.mean(), rel=1e-12)
-            residuals.append(abs(found["energy_residual"][-1]) / found["work"][-1])
+            residuals.append(np.abs(found["energy_residual"]).max() / found["work"][-1])
     assert pulls[1] > 1.1 * pulls[0]
     assert residuals[1] <= residuals[0] / 4
-    assert residuals[1] < 0.02
+    assert residuals[1] < 5e-4
 
 
 def test_solve_gives_the_imprint_and_refuses_a_load_beyond_the_hardness():

@@ -98,7 +98,7 @@ def test_studies_are_configurations(together, trials, tmp_path, monkeypatch):
 
 
 def test_a_trial_that_a_signal_cuts_short_is_the_last_and_is_not_counted(soak, trials, tmp_path, monkeypatch):
-    def trial(_, index, *__):  # the flag of a run stays up in this process
+    def trial(_, index, *__, **___):  # the flag of a run stays up in this process
         monkeypatch.setitem(soak.__globals__, "stop_requested", lambda: index == 12)
         return trials("outcomes").Outcome("cut short" if index == 12 else "converged")
 
