@@ -82,7 +82,8 @@ def material(path: Path) -> str:
 # Packages, the files in their source distributions, and how each is read.
 PACKAGES: dict[str, tuple[tuple[str, Reader], ...]] = {
     "SurfaceTopography": (("test/file_format_examples/*", topography), ("test/*.txt.gz", topography)),
-    "afmformats": (("tests/data/*", force_curve),),
+    "afmformats": (("tests/data/*", force_curve), ("docs/data/*.jpk*", force_curve),
+                   ("examples/data/*.jpk*", force_curve)),
     "nanite": (("tests/data/fmt-*", force_curve), ("tests/data/*.h5", force_curve),
                ("docs/data/*.jpk*", force_curve), ("examples/data/*.jpk*", force_curve)),
     "pyjibe": (("tests/data/*", force_curve),),

@@ -20,6 +20,7 @@ import logging
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -36,6 +37,7 @@ CURVES = 4  # of a file
 NEWTON = 60  # steps
 CALIBRATION = {"stiffness": 0.1, "sensitivity": 5e-8}  # of files that lack it
 LARGE = 0.03  # a difference that needs a reason
+FOLLOWS = 0.9  # part of the variance that a contact has
 STIFF = 10.0  # times as stiff with the base prescribed
 STEPS = {
     "search": "nanite's search ends above the least squares",
@@ -70,8 +72,11 @@ def bent(modulus: float, base: FloatArray, stiffness: float) -> FloatArray:
     return hertz(modulus, depth)
 
 
-def plain(rows: Rows, start: tuple[float, float], *, offset: bool, base: bool) -> float:
-    """Return the modulus of least squares over E, contact point and, if asked, offset; the best of starts."""
+def plain(rows: Rows, start: tuple[float, float], *, offset: bool, base: bool) -> tuple[float, float]:
+    """Return E of least squares over E, contact point and, if asked, offset, and its part of the variance.
+
+    The best of several starts.
+    """
     size, force = float(np.ptp(rows.depth)), float(np.ptp(rows.force))
     position = rows.depth + rows.force / rows.stiffness if base else rows.depth
 
@@ -84,7 +89,9 @@ def plain(rows: Rows, start: tuple[float, float], *, offset: bool, base: bool) -
     for shift in (-0.1, -0.02, 0.0, 0.02, 0.1):
         begin = np.array([np.log(start[0]), start[1] / size + shift, 0.0])
         found.append(least_squares(residuals, begin, x_scale=(0.1, 0.01, 0.01)))
-    return float(np.exp(min(found, key=lambda each: each.cost).x[0]))
+    best = min(found, key=lambda each: each.cost)
+    part = 1 - 2 * best.cost / best.fun.size / float(np.var(rows.force / force))
+    return float(np.exp(best.x[0])), part
 
 
 def nanites(curve: Any) -> tuple[float, float]:
@@ -106,7 +113,7 @@ def nanites(curve: Any) -> tuple[float, float]:
     return float(fitted["E"].value), -float(fitted["contact_point"].value)
 
 
-def own(curve: Any, near: float, prescribed: str) -> float:
+def own(curve: Any, near: float, prescribed: str, **facts: float) -> float:
     """Return Young's modulus of `fit_indentation`."""
     material = {"model": "elastic", "G": near / 2 / (1 + POISSON)}
     model = {
@@ -121,7 +128,7 @@ def own(curve: Any, near: float, prescribed: str) -> float:
         contact="detect",
         segments=("approach",),
         prescribed=prescribed,
-        **CALIBRATION if isinstance(curve, Path) else {},
+        **facts,  # type: ignore[arg-type]
     )
     return 2 * (1 + POISSON) * fit["G"].value
 
@@ -164,9 +171,9 @@ def compared(curve: Any) -> tuple[dict[str, float], float]:
         raise FitError(f"nanite: E = {modulus:.3g}")
     rows = _approach(curve)
     found = {"nanite": modulus}
-    found["search"] = plain(rows, (modulus, point), offset=False, base=False)
-    found["offset"] = plain(rows, (modulus, point), offset=True, base=False)
-    found["plain"] = plain(rows, (modulus, point), offset=True, base=True)
+    found["search"], _ = plain(rows, (modulus, point), offset=False, base=False)
+    found["offset"], found["part"] = plain(rows, (modulus, point), offset=True, base=False)
+    found["plain"], _ = plain(rows, (modulus, point), offset=True, base=True)
     with _named("gfmdlayer"):
         found["fit"] = own(curve, modulus, "depth")
         begun = time.process_time()
@@ -176,12 +183,14 @@ def compared(curve: Any) -> tuple[dict[str, float], float]:
 
 def reason(found: dict[str, float]) -> str:
     """Name the steps that make the difference, the largest first, where one is large."""
+    if found["part"] < FOLLOWS:
+        return f"no contact: Hertz's force is {100 * found['part']:.0f} % of the variance of the force"
     if found["base"] > STIFF * found["fit"] and found["plain"] > STIFF * found["fit"]:
         return "the base determines no upper limit: the contact is stiffer than the cantilever"
     names = ["nanite", *STEPS]
     if max(abs(found[each] / found["nanite"] - 1) for each in ("fit", "base")) <= LARGE:
         return ""
-    steps = {name: found[name] / found[before] - 1 for before, name in zip(names, names[1:], strict=False)}
+    steps = {name: found[name] / found[before] - 1 for before, name in pairwise(names)}
     large = sorted((name for name in steps if abs(steps[name]) > LARGE), key=lambda name: -abs(steps[name]))
     return "; ".join(f"{STEPS[name]} ({100 * steps[name]:+.0f} %)" for name in large) or "several small steps"
 
@@ -218,9 +227,14 @@ def _alone(path: Path) -> str:
     """Say what this package makes of a file that nanite does not fit."""
     try:
         with _named("gfmdlayer"):
-            found = [own(path, 1e4, prescribed) for prescribed in ("depth", "base")]
+            try:
+                found = [own(path, 1e4, prescribed) for prescribed in ("depth", "base")]
+            except (FitError, TableError) as error:
+                if "give" not in str(error):
+                    raise
+                found = [own(path, 1e4, prescribed, **CALIBRATION) for prescribed in ("depth", "base")]
     except FitError as error:
-        return f"; {error}"
+        return f"; {error}".replace(f"{path}: ", "")
     return f"; gfmdlayer: {found[0]:.4g} Pa with the depth, {found[1]:.4g} Pa with the base"
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
@@ -384,9 +384,8 @@ def _prescribed(curve: ForceCurve, first: int, end: int) -> str:
 # `TOLERANCE` of the indentation, or of the largest force, or `SIGMAS` of the noise. An approach may be a
 # hundred indentations long: far above the surface the distance may be `ABOVE` of the height. A few corners
 # may lie between rows, many are rows. The values at the corners follow from least squares, weighted by these
-# distances; pieces are halved where they hide a bend within the noise, and corners that the noise explains are
-# removed again. The pieces stay straight when a contact point
-# and a drift are subtracted.
+# distances; pieces are halved where they hide a bend within the noise, and corners that the noise explains
+# are removed again. The pieces stay straight when a contact point and a drift are subtracted.
 
 TOLERANCE = 3e-4
 ABOVE = 0.1
@@ -491,7 +490,7 @@ class _WeightedRows(NamedTuple):
         return corners
 
     def halved(self, corners: FloatArray, chance: float) -> FloatArray:
-        """Halve pieces while this lowers the sum of squares by more than `chance`: a bend within the noise."""
+        """Halve pieces while this lowers the sum of squares by more than `chance`."""
         squares = self.fitted(corners)[1]
         while corners.size < MOST_HALVED:
             middles = self.time[np.searchsorted(self.time, (corners[:-1] + corners[1:]) / 2)]
