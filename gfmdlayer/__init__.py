@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from gfmdlayer.fitting.force_curve import ForceCurve
     from gfmdlayer.fitting.indentation import fit_indentation
     from gfmdlayer.indentation.indent import indent
+    from gfmdlayer.interactive.fit_map import fit_map
     from gfmdlayer.interactive.inside import inside
     from gfmdlayer.interactive.leakage import leakage
     from gfmdlayer.interactive.run import run
@@ -58,7 +59,7 @@ __all__ = [
     "LayerStack", "LayeredHalfspace", "LennardJones", "Pair", "Parabola", "PowerLaw", "Prony", "Pyramid",
     "RadialProfile", "SelfAffine", "Sinusoid", "Solid", "Spectrum", "Sphere", "Tabulated",
     "ViscoelasticLayer", "Wavevectors", "Wedge", "Zener", "bonded_layer", "converge", "design_indentation",
-    "fit_indentation", "halfspace",
+    "fit_indentation", "fit_map", "halfspace",
     "indent", "inside", "leakage", "load", "open_case", "open_results", "relaxation_spectrum", "run",
     "simulate", "solve",
 ]  # fmt: skip
@@ -71,6 +72,7 @@ _MODULES = {
     "gfmdlayer.fitting.indentation": ("fit_indentation",),
     "gfmdlayer.indentation.indent": ("indent",),
     "gfmdlayer.results.reader": ("open_case", "open_results"),
+    "gfmdlayer.interactive.fit_map": ("fit_map",),
     "gfmdlayer.interactive.inside": ("inside",),
     "gfmdlayer.interactive.leakage": ("leakage",),
     "gfmdlayer.interactive.run": ("run",),

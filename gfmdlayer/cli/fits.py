@@ -90,8 +90,8 @@ def fit_material(options: argparse.Namespace) -> int:
 
 
 _OUT_OF_INDENTATION = """
---out PATH  YAML file, or folder for NAME-fit.yaml; the other files lie beside it (default: here); with --each
-  the results folder (default: results/NAME-fits)
+--out PATH  YAML file, or folder for NAME-fit.yaml; the other files lie beside it (default: here); of curves
+  that are fitted one by one the results folder (default: results/NAME-fits)
 --jobs N = 1  processes (default: 1)
 """
 
@@ -129,7 +129,7 @@ def _units(words: Sequence[str], order: Sequence[str] = ()) -> list[tuple[str, s
 
 _EXAMPLES_OF_INDENTATION = (
     "gfmdlayer fit-indentation configs/gel.csv --model configs/gel.model.yml --contact detect\n"
-    "  gfmdlayer fit-indentation map.h5 --model gel.model.yml --each --jobs 4 --out results/map\n\n"
+    "  gfmdlayer fit-indentation map.h5 --model gel.model.yml --jobs 4 --out results/map\n\n"
     f"{STATUSES}"
 )
 
@@ -162,17 +162,22 @@ def _options_of_indentation(parser: argparse.ArgumentParser) -> None:
     --loss {linear,soft_l1,huber,cauchy} = linear  loss of the residuals; soft_l1, huber and cauchy give
       outliers less weight (default: linear)
     --profile  also find profile intervals; takes three to ten times as long
-    --each  fit each curve by itself into a results folder, with maps; also under mpirun or srun
+    --each  fit each curve by itself into a results folder, with maps; also under mpirun or srun (default: for
+      several curves at different places)
+    --joint  fit one model to all curves, also to those at different places
     """
     arguments(parser, text, S=float, RATE=float)
     arguments(parser, _READING)
     arguments(parser, _OUT_OF_INDENTATION)
-    arguments(parser, "--restart  with --each: remove earlier results in DIR\n--force  overwrite files")
+    arguments(
+        parser, "--restart  of curves one by one: remove earlier results in DIR\n--force  overwrite files"
+    )
 
 
 @verb(_options_of_indentation, _EXAMPLES_OF_INDENTATION)
 def fit_indentation(options: argparse.Namespace) -> int:
     """Fit moduli, times and thicknesses to measured force curves of an indenter."""
+    from gfmdlayer.fitting.curve_files import is_map, sources
     from gfmdlayer.fitting.measurement import FitError
     from gfmdlayer.fitting.result import FitOptions
     from gfmdlayer.study import interrupts, workers
@@ -192,15 +197,17 @@ def fit_indentation(options: argparse.Namespace) -> int:
         )
         answers = _answers(options, _units(options.units, ("time", "depth", "force")))
         free = _free(options.free)
-        if options.each:
+        if options.each and options.joint:
+            return refuse("--each and --joint exclude each other")
+        if options.each or (not options.joint and is_map(sources(map(Path, options.data)))):
             if len(options.model) > 1:
-                return refuse("--each takes one model; leave --each out to compare several")
+                return refuse("curves are fitted one by one with one model; --joint compares several")
             interrupts.listen()
             workers.threads_each(os.environ)
             with workers.assemble(options.jobs, _prepare) as pool:
                 return COMPLETE if pool is None else _run(options, chosen, free, answers, pool)
         if options.restart or options.jobs > 1:
-            return refuse("--restart and --jobs: only with --each")
+            return refuse("--restart and --jobs: only of curves that are fitted one by one (--each)")
         return _fit_together(options, chosen, free, answers)
     except FitError as error:
         return refuse(*str(error).splitlines())
@@ -280,7 +287,9 @@ def _prepare() -> None:
 def _run(options: argparse.Namespace, chosen: FitOptions, free: Any, answers: Answers, pool: Any) -> int:
     from gfmdlayer.fitting.force_map import ForceMap
     from gfmdlayer.fitting.starts import read_model
+    from gfmdlayer.interactive.fit_map import FitMap
     from gfmdlayer.results.names import ResultsError
+    from gfmdlayer.results.reader import open_results
     from gfmdlayer.study.progress import make_display
 
     paths = [Path(each) for each in options.data]
@@ -289,6 +298,11 @@ def _run(options: argparse.Namespace, chosen: FitOptions, free: Any, answers: An
         data, keys = read_model(options.model[0], free)
         curves = ForceMap(paths, directory, data, keys, chosen, answers)
         summary = curves.run(pool, options.restart, lambda: make_display(sys.stderr))
+        if summary.collected and summary.count("complete"):
+            with open_results(directory) as found:
+                fits = FitMap(found)
+                print(fits)
+                fits.plot(directory / "map.png")
     except ResultsError as error:
         print(f"gfmdlayer: {error}", file=sys.stderr)
         return FAILED

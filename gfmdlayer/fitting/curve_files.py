@@ -21,7 +21,7 @@ from __future__ import annotations
 import hashlib
 import logging
 import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -36,6 +36,7 @@ from gfmdlayer.files.headings import WORDS, meaning, quantities_named
 from gfmdlayer.files.tables import Answers, TableError, converted, is_text, read_table
 from gfmdlayer.files.units import unit_of
 from gfmdlayer.fitting.force_curve import BASE, COLUMNS, FORCE, CurveError, ForceCurve, column
+from gfmdlayer.fitting.measurement import FitError
 from gfmdlayer.fitting.result import FitOptions
 from gfmdlayer.validation.units import Units
 
@@ -58,6 +59,79 @@ class Entry:
     key: str  # the curve in it: a group, a number, or nothing for the only one
     name: str  # names the curve in messages and results
     position: tuple[float, ...] = ()  # place (x, y) on the sample, or nothing
+    unit: str = ""  # of the position, where it is known
+
+
+@dataclass(frozen=True)
+class CurveSource:
+    """A curve that is not read yet: in a file, or held in memory in a form that `fit_indentation` takes."""
+
+    held: Any  # Entry, ForceCurve, curve of afmformats or nanite, mapping, frame or dataset
+    name: str
+    position: tuple[float, ...] = ()  # place (x, y) on the sample, or nothing
+    unit: str = ""  # of the position, where it is known
+
+    def place(self, into: Into) -> tuple[float, ...]:
+        """Return the position in the unit of length of a model, where its own is known."""
+        if not self.unit:
+            return self.position
+        known, metre = unit_of(self.unit), unit_of("m")
+        if known is None or metre is None or known.dimension != metre.dimension:
+            raise CurveError(f"curve {self.name}: x, y: got the unit {self.unit!r}; must be one of length")
+        factor = float(known.size) / _sizes(into)[1]
+        return tuple(factor * each for each in self.position)
+
+    def curve(self, answers: Answers, into: Into, options: FitOptions, *, timeless: bool) -> ForceCurve:
+        """Read the curve; CurveError or TableError if it cannot be used."""
+        if isinstance(self.held, Entry):
+            return read_curve(self.held, answers, into, options, timeless=timeless)
+        if isinstance(self.held, ForceCurve):
+            return given_curve(self.held, answers, into, options)
+        if _is_afm(self.held):
+            return afm_curve(self.held, self.name, into, options, timeless=timeless, position=self.position)
+        return held_curve(self.held, self.name, answers, into, options, timeless=timeless)
+
+    @property
+    def digest(self) -> str:
+        """A hash of a curve in memory."""
+        if isinstance(self.held, ForceCurve):
+            known = vars(self.held)
+        else:
+            names = self.held.columns if _is_afm(self.held) else self.held.keys()
+            known = {str(name): self.held[name] for name in (*names, *getattr(self.held, "coords", ()))}
+        told = {key: np.asarray(known[key]).tolist() for key in sorted(known)}
+        return hashlib.sha256(repr((told, self.position)).encode()).hexdigest()
+
+
+def sources(curves: Any) -> Iterator[CurveSource]:
+    """Yield the curves in any form that `fit_indentation` takes, one or an iterable of them."""
+    single = isinstance(curves, (ForceCurve, str, Path)) or hasattr(curves, "keys") or _is_afm(curves)
+    for number, curve in enumerate([curves] if single else curves):
+        if isinstance(curve, ForceCurve):
+            yield CurveSource(curve, curve.name, curve.position)
+        elif isinstance(curve, (str, Path)):
+            for entry in entries([Path(curve)]):
+                yield CurveSource(entry, entry.name, entry.position, entry.unit)
+        elif _is_afm(curve):
+            yield CurveSource(curve, f"{Path(curve.path).stem}-{curve.enum}", _afm_place(curve.metadata), "m")
+        elif hasattr(curve, "keys"):
+            yield CurveSource(curve, str(number), _place(getattr(curve, "attrs", curve)))
+        else:
+            raise FitError(
+                f"curve {number}: got {type(curve).__name__}; must be a ForceCurve, a path, or a mapping, a "
+                "frame or a dataset with the columns time, depth and force"
+            )
+
+
+def _is_afm(curve: Any) -> bool:
+    """Whether it is a curve of afmformats or nanite."""
+    return hasattr(curve, "metadata") and hasattr(curve, "columns")
+
+
+def is_map(curves: Iterable[CurveSource]) -> bool:
+    """Whether the curves lie at several places, each known."""
+    places = [curve.position for curve in curves]
+    return all(places) and len(set(places)) > 1
 
 
 def entries(paths: Sequence[Path]) -> list[Entry]:
@@ -261,13 +335,17 @@ def _entries(path: Path) -> Iterator[Entry]:
     if _for_afmformats(path):
         for number, data in enumerate(_afm_curves(path)[0]):
             meta = data.metadata
-            place = tuple(float(meta[key]) for key in ("position x", "position y") if key in meta)
             number_of_curve = meta.get("enum", number)
-            yield Entry(path, str(number), f"{path.stem}-{number_of_curve}", place if len(place) == 2 else ())
+            yield Entry(path, str(number), f"{path.stem}-{number_of_curve}", _afm_place(meta), "m")
     elif _in_hdf5(path):
         yield from _hdf5_entries(path)
     else:
         yield Entry(path, "", path.stem)
+
+
+def _afm_place(meta: Mapping[str, Any]) -> tuple[float, ...]:
+    place = tuple(float(meta[key]) for key in ("position x", "position y") if key in meta)
+    return place if len(place) == 2 else ()
 
 
 def _text_columns(
@@ -305,10 +383,11 @@ def _hdf5_entries(path: Path) -> Iterator[Entry]:
             yield Entry(path, "", path.stem)
             return
         places = np.stack([file[key][:] for key in "xy"], axis=1) if {"x", "y"} <= set(file) else None
+        unit = "" if places is None else str(file["x"].attrs.get("units", ""))
         digits = len(str(shape[0] - 1))
         for i in range(shape[0]):
             place = () if places is None else tuple(places[i].tolist())
-            yield Entry(path, str(i), f"{path.stem}-{i:0{digits}d}", place)
+            yield Entry(path, str(i), f"{path.stem}-{i:0{digits}d}", place, unit)
 
 
 def _targets(into: Into) -> dict[str, str]:
@@ -404,7 +483,10 @@ def _hdf5(path: Path) -> Iterator[Any]:
 
 
 def _place(attributes: Any) -> tuple[float, ...]:
-    return tuple(float(attributes[key]) for key in "xy") if {"x", "y"} <= set(attributes) else ()
+    """Return the numbers x and y, or nothing where they are not numbers."""
+    if not {"x", "y"} <= set(attributes) or np.ndim(attributes["x"]) or np.ndim(attributes["y"]):
+        return ()
+    return float(attributes["x"]), float(attributes["y"])
 
 
 def _for_afmformats(path: Path) -> bool:

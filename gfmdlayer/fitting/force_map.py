@@ -25,7 +25,7 @@ from gfmdlayer.arrays import FloatArray
 from gfmdlayer.config import ConfigError
 from gfmdlayer.files.tables import Answers
 from gfmdlayer.files.whole import cannot_be_written, is_intact, write_text
-from gfmdlayer.fitting.curve_files import Entry, contents, entries, read_curve, units_of
+from gfmdlayer.fitting.curve_files import SI, Entry, CurveSource, contents, sources, units_of
 from gfmdlayer.fitting.elastic import CHOOSE, KINDS, NO_ADHESION
 from gfmdlayer.fitting.force_curve import COLUMNS as OF_A_CURVE
 from gfmdlayer.fitting.force_curve import Correction
@@ -34,9 +34,8 @@ from gfmdlayer.fitting.indentation_report import COLUMNS, SCALARS, accounts, add
 from gfmdlayer.fitting.measurement import FitError
 from gfmdlayer.fitting.prediction import Prediction
 from gfmdlayer.fitting.problem import Free, IndentationModel
-from gfmdlayer.fitting.result import FitOptions, IndentationFit
+from gfmdlayer.fitting.result import FitOptions, IndentationFit, unit_of_parameter
 from gfmdlayer.fitting.starts import keys_with_adhesion
-from gfmdlayer.results.names import parameter
 from gfmdlayer.results.netcdf import add_variable, new_file, opened, set_attributes
 from gfmdlayer.results.provenance import provenance
 from gfmdlayer.study.case_run import record_failure
@@ -56,6 +55,7 @@ from gfmdlayer.study.run import Summary
 from gfmdlayer.study.schedule import Outcome, Schedule
 from gfmdlayer.study.workers import WorkerPool
 from gfmdlayer.validation import text
+from gfmdlayer.validation.units import Units, label_of
 
 # The file cases/NNNN.h5 of the estimates of one curve:
 #
@@ -69,13 +69,23 @@ class MapCase:
     """A curve of a map."""
 
     index: int  # number of the curve and of its file
-    entry: Entry  # the curve in its file
-    contents: str  # hash of the file
+    source: CurveSource  # the curve, not read yet
+    contents: str  # hash of the file, or of the numbers held in memory
+
+    @property
+    def name(self) -> str:
+        """The curve's name."""
+        return self.source.name
 
     @property
     def values(self) -> dict[str, object]:
         """The curve's name, for messages."""
-        return {"curve": self.entry.name}
+        return {"curve": self.name}
+
+    @property
+    def entry(self) -> Entry | None:
+        """The place of the curve in a file, if it is in one."""
+        return self.source.held if isinstance(self.source.held, Entry) else None
 
 
 _FACTS = {"sensitivity", "sampling", "baseline", "weight", "range"}
@@ -95,7 +105,8 @@ class FitTask:
         """Return a hash of all input that determines the estimates of a case."""
         asked = self.free if isinstance(self.free, dict) else list(self.free)
         units = [unit for _, unit in self.answers.units] or None
-        determined = [self.model, asked, self.given, units, case.contents, case.entry.key, *self.further]
+        key = case.entry.key if case.entry else ""
+        determined = [self.model, asked, self.given, units, case.contents, key, *self.further]
         return hashlib.sha256(json.dumps(determined, default=str).encode()).hexdigest()
 
     @property
@@ -120,16 +131,16 @@ class FitTask:
         """Fit a curve and write its file; an error becomes the outcome, with the name of the curve."""
         begun = time.monotonic()
         try:
-            with Claim(self.folder, case.index, 1.0, case.entry.name):
+            with Claim(self.folder, case.index, 1.0, case.name):
                 self.folder.case(case.index, "failed").unlink(missing_ok=True)
                 fit = self._fit(case)
-                write_estimates(self.folder.case(case.index), fit, case.entry.name, self.digest(case))
+                write_estimates(self.folder.case(case.index), fit, case.name, self.digest(case))
         except Stopped:
             return Outcome(case.index, "stopped")
         except Taken:
             return Outcome(case.index, "elsewhere")
         except Exception as error:
-            reason = f"curve {case.entry.name}: {type(error).__name__}: {error}".replace("\n", "; ")
+            reason = f"curve {case.name}: {type(error).__name__}: {error}".replace("\n", "; ")
             record_failure(self.folder, case.index, case.values, reason, traceback.format_exc())
             return Outcome(case.index, "failed", reason, time.monotonic() - begun)
         return Outcome(case.index, "complete", seconds=time.monotonic() - begun)
@@ -137,7 +148,7 @@ class FitTask:
     def _fit(self, case: MapCase) -> IndentationFit:
         model = IndentationModel(self.model)
         into, timeless = units_of(model.config.units), model.is_timeless(self.free)
-        curve = read_curve(case.entry, self.answers, into, self.options, timeless=timeless)
+        curve = case.source.curve(self.answers, into, self.options, timeless=timeless)
         fit = fit_curves([curve], model, self.free, self.options, advise=False)
         if not all(np.isfinite(each.value) for each in fit.parameters):
             raise FitError("an estimate is not a finite number")
@@ -182,13 +193,13 @@ def read_estimates(path: Path, digest: str | None = None) -> Estimates | None:
 #
 #     G0, G0_error, G0_low, G0_high, ... (y, x)      where the positions of the curves are a grid
 #                                        (curve)     else
-#     noise, aic, bic, case, name                    of each curve
+#     noise, aic, bic, case, name, warnings          of each curve
 #
 # The last part of its key names a parameter, or the whole key where two share that part. A failed curve is
 # NaN, and the attribute `failed` lists it.
 
 SECTIONS = ("layer", "layers", "halfspace", "punch")
-SAME_PLACE = 1e-3  # of the spacing: positions closer than this are the same coordinate
+SAME_PLACE = 0.05  # of the largest spacing: positions closer than this, as of a stage, are one coordinate
 _MEANINGS = {
     "": "",
     "_error": "standard error of ",
@@ -206,24 +217,25 @@ class _MapLayout(NamedTuple):
 
 def collect(
     folder: Folder, cases: Sequence[MapCase], keys: Sequence[str], reasons: Mapping[int, str],
-    attributes: Mapping[str, str], unit: Callable[[str], str] = str,
+    attributes: Mapping[str, str], units: Units | None,
 ) -> Path:  # fmt: skip
     """Write the map from the files of its curves; `reasons` are the errors of failed curves."""
-    layout = _layout([case.entry.position for case in cases])
+    layout = _layout([case.source.place(units_of(units)) for case in cases])
     shape = tuple(values.size for values in layout.coordinates.values())
     names = parameter_names(keys)
     tables = np.full((len(keys), len(_MEANINGS), *shape), np.nan)
     scalars = np.full((len(SCALARS), *shape), np.nan)
-    numbers, labels = np.full(shape, -1), np.full(shape, "", dtype=object)
+    numbers, labels, notes = np.full(shape, -1), np.full(shape, "", dtype=object), np.full(shape, "", object)
     failed = dict(reasons)
     for case, place in zip(cases, layout.places, strict=True):
-        numbers[place], labels[place] = case.index, case.entry.name
+        numbers[place], labels[place] = case.index, case.name
         if case.index in failed:
             continue
         estimates = read_estimates(folder.case(case.index))
         if estimates is None:
-            failed[case.index] = f"curve {case.entry.name}: its file cannot be read"
+            failed[case.index] = f"curve {case.name}: its file cannot be read"
             continue
+        notes[place] = estimates.warnings
         for row, key in enumerate(keys):
             if key in estimates.keys:  # a curve has no stiffness to fit where its depth is prescribed
                 np.moveaxis(tables[row], 0, -1)[place] = estimates.columns[:, estimates.keys.index(key)]
@@ -231,18 +243,19 @@ def collect(
     with new_file(folder.sweep) as file:
         h5 = file.begin()
         for name, values in layout.coordinates.items():
-            add_variable(h5, name, (name,), {}, data=values)
+            known = label_of(units, "length") if name != "curve" else None
+            add_variable(h5, name, (name,), {"units": known} if known else {}, data=values)
         dimensions = tuple(layout.coordinates)
         for name, key, parts in zip(names, keys, tables, strict=True):
-            known = parameter(key) if key.partition(".")[0] in SECTIONS else None
-            units = {"units": unit(known.units)} if known else {}
+            unit = unit_of_parameter(units, key)
             for (suffix, meaning), table in zip(_MEANINGS.items(), parts, strict=True):
-                described = {"long_name": f"{meaning}{key}", "key": key, **units}
+                described = {"long_name": f"{meaning}{key}", "key": key} | ({"units": unit} if unit else {})
                 add_variable(h5, f"{name}{suffix}", dimensions, described, data=table)
         for name, table in zip(SCALARS, scalars, strict=True):
             add_variable(h5, name, dimensions, {}, data=table)
         add_variable(h5, "case", dimensions, {}, data=numbers)
-        add_variable(h5, "name", dimensions, {}, data=labels, dtype=h5py.string_dtype())
+        for name, words in (("name", labels), ("warnings", notes)):
+            add_variable(h5, name, dimensions, {}, data=words, dtype=h5py.string_dtype())
         report = "\n".join(f"{index:04d}: {reason}" for index, reason in sorted(failed.items()))
         own = {"fitted": " ".join(names), "swept": " ".join(layout.coordinates), "failed": report}
         set_attributes(h5, {**attributes, **own, "complete": 1})
@@ -252,7 +265,7 @@ def collect(
 def parameter_names(keys: Sequence[str]) -> list[str]:
     """Name parameters by the last parts of their keys, or by the whole keys where two share that part."""
     last = [key.rpartition(".")[2] for key in keys]
-    taken = Counter([*last, *SCALARS, "x", "y", "curve", "case", "name"])
+    taken = Counter([*last, *SCALARS, "x", "y", "curve", "case", "name", "warnings"])
     return [key if taken[part] > 1 else part for key, part in zip(keys, last, strict=True)]
 
 
@@ -274,10 +287,8 @@ def _levels(values: FloatArray) -> tuple[np.ndarray[tuple[int, ...], np.dtype[np
     """Return the number of the level of each value, and the levels, ascending."""
     order = np.sort(values)
     steps = np.diff(order)
-    spread = float(np.ptp(values))
-    large = steps[steps > 1e-6 * spread] if spread > 0 else steps[:0]
-    apart = SAME_PLACE * float(np.median(large)) if large.size else np.inf
-    levels = order[np.concatenate(([True], steps > apart))]
+    begins = np.concatenate(([0], 1 + np.flatnonzero(steps > SAME_PLACE * steps.max(initial=0.0))))
+    levels = np.add.reduceat(order, begins) / np.diff(np.append(begins, order.size))
     return np.abs(values[:, np.newaxis] - levels).argmin(axis=1), levels
 
 
@@ -285,7 +296,7 @@ class ForceMap:
     """The fits of many curves, one by one, in the results folder `directory`."""
 
     def __init__(
-        self, paths: Sequence[Path], directory: Path, model: Mapping[str, Any], free: Free,
+        self, curves: Any, directory: Path, model: Mapping[str, Any], free: Free,
         options: FitOptions, answers: Answers = Answers(),  # noqa: B008
     ) -> None:  # fmt: skip
         self._model, self.keys = IndentationModel(model), list(free)
@@ -302,9 +313,15 @@ class ForceMap:
             self.keys.append("stiffness")
         self.folder = Folder(directory, name_of_run())
         self.task = FitTask(self.folder, dict(model), free, options, answers)
-        found = entries(paths)
-        hashes = {path: contents(path) for path in dict.fromkeys(entry.path for entry in found)}
-        self.cases = [MapCase(i, entry, hashes[entry.path]) for i, entry in enumerate(found)]
+        found = list(sources(curves))
+        if not found:
+            raise FitError("got no curve; give at least one")
+        paths = dict.fromkeys(each.held.path for each in found if isinstance(each.held, Entry))
+        hashes = {path: contents(path) for path in paths}
+        self.cases = [
+            MapCase(i, each, hashes[each.held.path] if isinstance(each.held, Entry) else each.digest)
+            for i, each in enumerate(found)
+        ]
 
     @cached_property
     def document(self) -> str:
@@ -313,9 +330,12 @@ class ForceMap:
         units = [unit for _, unit in self.task.answers.units]
         data: dict[str, Any] = {
             "name": self._model.config.name,
-            "curves": [
-                str(path.absolute()) for path in dict.fromkeys(case.entry.path for case in self.cases)
-            ],
+            "curves": list(
+                dict.fromkeys(
+                    str(case.entry.path.absolute()) if case.entry else f"{case.name} (in memory)"
+                    for case in self.cases
+                )
+            ),
             "free": list(free),
             "fit": self.task.given | ({"units": units} if units else {}) | (further[0] if further else {}),
         }
@@ -353,7 +373,7 @@ class ForceMap:
                     if outcome.state == "failed"
                 }
                 collect(self.folder, self.cases, self.keys, reasons, {"name": self._model.config.name},
-                        self._model.config.unit)  # fmt: skip
+                        self._model.config.units)  # fmt: skip
         failures = [outcomes[index] for index in sorted(outcomes) if outcomes[index].state == "failed"]
         return Summary(Counter(each.state for each in outcomes.values()), failures, collected)
 
@@ -361,7 +381,7 @@ class ForceMap:
         """Compile the kernels here, before several processes do."""
         if todo and not pool.alone:
             with suppress(Exception):  # the fit repeats the error and records it
-                curve = read_curve(todo[0].entry, self.task.answers, options=self.task.options, timeless=True)
+                curve = todo[0].source.curve(self.task.answers, SI, self.task.options, timeless=True)
                 Prediction(curve).response(self._model.config, Correction())
 
     def _is_done(self, case: MapCase) -> bool:

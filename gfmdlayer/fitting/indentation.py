@@ -7,7 +7,7 @@ multiplied by the factor that fits the forces best, and with the best of several
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -17,15 +17,7 @@ import numpy as np
 
 from gfmdlayer.arrays import FloatArray
 from gfmdlayer.files.tables import Answers
-from gfmdlayer.fitting.curve_files import (
-    Into,
-    afm_curve,
-    entries,
-    given_curve,
-    held_curve,
-    read_curve,
-    units_of,
-)
+from gfmdlayer.fitting.curve_files import is_map, sources, units_of
 from gfmdlayer.fitting.design import second_curve
 from gfmdlayer.fitting.elastic import CHOOSE, KINDS, NO_ADHESION
 from gfmdlayer.fitting.estimates import best_of, conclude, minimised, prepared
@@ -82,6 +74,7 @@ def fit_indentation(
     baseline: str = "none",
     weight: float | None = None,
     range: tuple[float, float] | None = None,  # noqa: A002
+    joint: bool = False,
 ) -> IndentationFit:
     """Fit moduli, times, thicknesses and more to measured force curves.
 
@@ -111,6 +104,8 @@ def fit_indentation(
         See `FitOptions`.
     baseline, weight, range
         Steps before the fit, and rows that count, see `FitOptions`.
+    joint : bool
+        Whether one model is fitted to all curves of a map; `fit_map` fits each by itself.
 
     Returns
     -------
@@ -147,44 +142,27 @@ def fit_indentation(
         loss, profile, contact, tuple(segments), prescribed, stiffness, stiffness_error, adhesion,
         sensitivity, sampling, baseline, weight, between,
     )  # fmt: skip
-    single = isinstance(curves, (ForceCurve, str, Path)) or hasattr(curves, "keys") or _is_afm(curves)
-    every: Iterable[Any] = [curves] if single else curves  # type: ignore[assignment]
     data, keys = read_model(model, free)
-    made = IndentationModel(data)
-    pairs = units if isinstance(units, Mapping) else dict(zip(COLUMNS, units or (), strict=False))
-    answers = Answers(decimal, tuple(pairs.items()), tuple(columns))
-    timeless = made.is_timeless(keys)
-    measured, lost = usable(_curves(every, answers, units_of(made.config.units), options, timeless=timeless))
+    made, every = IndentationModel(data), list(sources(curves))
+    if not joint and is_map(every):
+        raise FitError(
+            f"{len(every)} curves at different places: fit_map fits each by itself; joint=True fits one "
+            "model to all"
+        )
+    into, timeless = units_of(made.config.units), made.is_timeless(keys)
+    answers = answers_of(units, decimal, columns)
+    measured, lost = usable(partial(each.curve, answers, into, options, timeless=timeless) for each in every)
     if not measured:
         raise FitError("got no curve; give at least one")
     return fit_curves(measured, made, keys, options, notes=lost)
 
 
-def _is_afm(curve: Any) -> bool:
-    """Whether it is a curve of afmformats or nanite."""
-    return hasattr(curve, "metadata") and hasattr(curve, "columns")
-
-
-def _curves(
-    curves: Iterable[Any], answers: Answers, into: Into, options: FitOptions, *, timeless: bool
-) -> Iterator[Callable[[], ForceCurve]]:
-    """Yield functions that return the curves, given in any form that `fit_indentation` takes."""
-    for number, curve in enumerate(curves):
-        if isinstance(curve, ForceCurve):
-            yield partial(given_curve, curve, answers, into, options)
-        elif isinstance(curve, (str, Path)):
-            for entry in entries([Path(curve)]):
-                yield partial(read_curve, entry, answers, into, options, timeless=timeless)
-        elif _is_afm(curve):
-            name = f"{Path(curve.path).stem}-{curve.enum}"
-            yield partial(afm_curve, curve, name, into, options, timeless=timeless)
-        elif hasattr(curve, "keys"):
-            yield partial(held_curve, curve, str(number), answers, into, options, timeless=timeless)
-        else:
-            raise FitError(
-                f"curve {number}: got {type(curve).__name__}; must be a ForceCurve, a path, or a mapping, a "
-                "frame or a dataset with the columns time, depth and force"
-            )
+def answers_of(
+    units: Sequence[str] | Mapping[str, str] | None, decimal: str | None, columns: Sequence[str]
+) -> Answers:
+    """Return what is said about tables in the words of `fit_indentation`."""
+    pairs = units if isinstance(units, Mapping) else dict(zip(COLUMNS, units or (), strict=False))
+    return Answers(decimal, tuple(pairs.items()), tuple(columns))
 
 
 def usable(made: Iterable[Callable[[], ForceCurve]]) -> tuple[list[ForceCurve], list[str]]:

@@ -37,6 +37,7 @@ SHARED, FLIPS, FEWEST_CURVES = (
 )  # cosines and random signs of several curves; curves of one protocol
 WITHIN = 0.1  # of the noise: smaller residuals give no doubt, whatever their order
 NOISE_ONLY = "the intervals contain noise only"
+FIRST_ORDER = 0.5  # relative change of a modulus up to which the first order tells its size
 WIDER = 1.5  # factor of the intervals by correlated noise that is worth a word
 
 
@@ -102,19 +103,21 @@ def shapes(
     """Yield the shapes that the model cannot make, with their sizes in the residual."""
     columns, derivatives = _columns(problem, u), problem.derivatives(u)
     blocks = [rows for each in problem.predictions for rows in each.blocks]
-    m = u.size
+    m, lengths = u.size, np.linalg.norm(jacobian, axis=0)  # in SI some are 1e9 times others
+    lengths[lengths == 0.0] = 1.0
     for name, rows in columns.items():
         further = np.zeros(residuals.size - problem.rows)
         z = np.concatenate([*(problem.scaled(i, column) for i, column in enumerate(rows)), further])
         size = float(np.linalg.norm(z))
         if not size > 0:
             continue
-        whole = np.column_stack((jacobian, z / size))
+        whole = np.column_stack((jacobian / lengths, z / size))
         own = np.zeros((1, m + 1))
         own[0, m] = 1.0
         level = 1 - CHANCE / len(columns)
         made = mixture(-residuals, whole, blocks, level=level, along=own, generalised=True)
-        *changes, own_size = np.linalg.lstsq(whole, -residuals, rcond=None)[0].tolist()
+        sizes = np.linalg.lstsq(whole, -residuals, rcond=None)[0]
+        changes, own_size = (sizes[:-1] / lengths).tolist(), float(sizes[-1])
         explained = [
             column * (own_size / size)
             + sum(change * of_u[i] for change, of_u in zip(changes, derivatives, strict=True))
@@ -241,7 +244,14 @@ def _sentence(problem: LeastSquares, u: FloatArray, found: Sequence[ResidualShap
     if moduli:
         name, value = problem.parameters[moduli[0]].name, problem.values(u)
         changed = [problem.values(np.clip(u + shape.changes, *problem.bounds))[name] for shape in found]
-        percents = [f"{100 * (each / value[name] - 1):+.2g}" for each in changed]
+        percents = [_percent(each / value[name] - 1) for each in changed]
         many = percents[0] if len(percents) == 1 else f"{', '.join(percents[:-1])} or {percents[-1]}"
         sentence += f", and {name} would change by {many} %"
     return f"{sentence}. {NOISE_ONLY.capitalize()}"
+
+
+def _percent(change: float) -> str:
+    """Write a relative change, which is known to first order only."""
+    if abs(change) > FIRST_ORDER:
+        return f"more than {math.copysign(100 * FIRST_ORDER, change):+.0f}"
+    return f"{100 * change:+.2g}"

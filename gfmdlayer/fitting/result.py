@@ -12,6 +12,7 @@ import json
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -33,6 +34,8 @@ if TYPE_CHECKING:
     import xarray
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+
+    from gfmdlayer.validation.units import Units
 
 OPEN = 10.0  # ratio of the ends of an interval from which a parameter is not determined
 ADHESIONS = (NO_ADHESION, *KINDS, CHOOSE)
@@ -372,7 +375,10 @@ class IndentationFit:
             for key, values in zip(("value", "error", "low", "high"), numbers, strict=True)
         }
         data["correlation"] = ("parameter", "other"), self.correlation
-        data["unit"] = "parameter", [_unit(self, each.key) for each in self.parameters]
+        data["unit"] = (
+            "parameter",
+            [unit_of_parameter(self.config.units, each.key) for each in self.parameters],
+        )
         longest = max(each.curve.time.size for each in self.curves)
         words = {"time": "time", "depth": "length", "force": "force"}
         rows = {
@@ -472,14 +478,21 @@ def _choice(fit: IndentationFit) -> list[str]:
 def table(fit: IndentationFit) -> tuple[list[str], list[list[str]]]:
     """Return the headings and the cells of a table of all numbers, the free ones first."""
     mark = "" if fit.follows else f" {MARK}"
-    rows = []
+    unit, rows = partial(unit_of_parameter, fit.config.units), []
     for each in fit.parameters:
         ends = [f"{low:.6g} to {high:.6g}" for low, high in filter(None, (each.interval, each.profile))]
         intervals = [f"{ends[0]}{mark}", *ends[1:]] + [""] * (2 - len(ends))
         rows.append(
-            [each.name, f"{each.value:.6g}", f"{each.error:.3g}", *intervals, _unit(fit, each.key), "free"]
+            [
+                each.name,
+                f"{each.value:.6g}",
+                f"{each.error:.3g}",
+                *intervals,
+                unit(each.key),
+                "free",
+            ]
         )
-    rows += [[key, f"{value:.6g}", "", "", "", _unit(fit, key), "held"] for key, value in fit.held.items()]
+    rows += [[key, f"{value:.6g}", "", "", "", unit(key), "held"] for key, value in fit.held.items()]
     head = ["parameter", "value", "error", "95 % interval", "95 % profile interval", "unit", ""]
     filled = [c for c in range(len(head)) if c == len(head) - 1 or any(row[c] for row in rows)]
     return [head[c] for c in filled], [[row[c] for c in filled] for row in rows]
@@ -492,13 +505,13 @@ _OF_A_CURVE = {
 }  # fmt: skip
 
 
-def _unit(fit: IndentationFit, key: str) -> str:
+def unit_of_parameter(units: Units | None, key: str) -> str:
     """Return the unit of a parameter, nothing where the model has no units."""
-    if fit.config.units is None:
+    if units is None:
         return ""
     known = None if key in _OF_A_CURVE else parameter(key.replace("[", ".").replace("]", ""))
     words = _OF_A_CURVE.get(key, known.units if known else "1")
-    return "" if words == "1" else fit.config.units.label(words)
+    return "" if words == "1" else units.label(words)
 
 
 def _table(fit: IndentationFit) -> Iterator[str]:

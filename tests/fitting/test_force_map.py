@@ -10,10 +10,13 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
+import xarray
 
-from gfmdlayer import cli, open_results
+from gfmdlayer import cli, fit_indentation, fit_map, open_results
 from gfmdlayer.fitting.estimates import FitOptions
 from gfmdlayer.fitting.force_map import ForceMap, parameter_names
+from gfmdlayer.fitting.measurement import FitError
+from gfmdlayer.study.folder import FolderError
 from gfmdlayer.study.workers import assemble
 from tests.waiting import until
 
@@ -83,6 +86,80 @@ def test_a_map_holds_the_moduli_at_their_places_and_names_the_curve_that_failed(
         assert (found["G0_low"] < found["G0"]).to_numpy().ravel()[good].all()
         assert found.attrs["failed"].startswith("0003: curve map-3: CurveError")
         assert found["name"].sel(x=4.0, y=0.0).item() == "map-2"
+
+
+def test_a_map_is_fitted_by_pixels_unless_it_is_asked_for_together(capsys):
+    write_map(Path("map.h5"), MODULI, bad=())
+    command = ["fit-indentation", "map.h5", "--model", "model.yaml"]
+    assert cli.main([*command, "--out", "out"]) == 0
+    assert "Fits of 6 curves, each by itself" in capsys.readouterr().out
+    assert Path("out/map.png").exists()
+    assert open_results("out")["G0"].shape == (2, 3)
+    assert cli.main([*command, "--joint", "--out", "one.yaml"]) == 0
+    assert "Fit of 6 curves" in capsys.readouterr().out
+    assert cli.main([*command, "--each", "--joint"]) == 2
+    assert cli.main([*command, "model.yaml"]) == 2
+    assert "--joint compares several" in capsys.readouterr().err
+    with pytest.raises(FitError, match=r"6 curves at different places: fit_map .*; joint=True"):
+        fit_indentation("map.h5", "model.yaml")
+    together = fit_indentation("map.h5", "model.yaml", joint=True)
+    assert MODULI.min() < together["G0"].value < MODULI.max()  # by the residual of each
+
+
+def test_a_map_from_python_has_the_numbers_of_the_command_line_and_names_what_failed():
+    fitted("out")
+    fits = fit_map("map.h5", "model.yaml")
+    with open_results("out") as found:
+        xarray.testing.assert_identical(fits["G0"], found["G0"].load())
+    assert [*fits.failed] == ["map-3"]
+    assert fits.failed["map-3"].startswith("CurveError: curve map-3")
+    assert "failed: map-3: CurveError" in str(fits)
+    assert fits.names == ("G0",)
+    median = float(np.nanmedian(fits["G0"]))
+    assert f"{median:.6g}" in str(fits).splitlines()[2]
+    with pytest.raises(KeyError, match=r"E: must be one of G0"):
+        fits["E"]
+    fits.plot("map.png")
+    assert Path("map.png").exists()
+
+
+def test_curves_in_memory_are_a_map_that_goes_on_in_its_folder():
+    depth = np.linspace(0.0, 0.2, 60)
+    hertz = 8 / 3 * 5.0**0.5 * depth**1.5 / 0.5
+    forces = [np.where(np.arange(60) == 7, np.nan, G) * hertz if G == 3 else G * hertz for G in (1, 2, 3, 4)]
+    places = [{"x": x, "y": y} for y in (0.0, 1.0) for x in (0.0, 2.0)]
+    held = [
+        xarray.Dataset(
+            {"time": ("row", depth), "depth": ("row", depth), "force": ("row", force)}, attrs=place
+        )
+        for force, place in zip(forces, places, strict=True)
+    ]
+    fits = fit_map(held, "model.yaml", out="out", jobs=2)
+    np.testing.assert_allclose(fits["G0"], [[1, 2], [np.nan, 4]], rtol=1e-6)
+    assert [*fits.failed] == ["2"]
+    before = Path("out/cases/0001.h5").stat().st_mtime_ns
+    fit_map(held, "model.yaml", out="out")
+    assert Path("out/cases/0001.h5").stat().st_mtime_ns == before
+    held[1]["force"] = 2 * held[1]["force"]
+    with pytest.raises(FolderError, match="this fit used other data"):
+        fit_map(held, "model.yaml", out="out")
+
+
+def test_places_of_a_stage_that_scatter_are_a_grid_in_the_units_of_the_model():
+    rng = np.random.default_rng(1)
+    with h5py.File("map.h5", "r+") as h5:
+        for key in "xy":
+            values = h5[key][:]
+            del h5[key]
+            h5[key] = 1000 * (values + 0.01 * rng.standard_normal(6))
+            h5[key].attrs["units"] = "nm"
+    Path("model.yaml").write_text(YAML.replace("layer:", "units: {length: um, stress: Pa, time: s}\nlayer:"))
+    fits = fit_map("map.h5", "model.yaml")
+    assert fits["G0"].dims == ("y", "x")
+    np.testing.assert_allclose(fits["x"], [0, 2, 4], atol=0.03)
+    np.testing.assert_allclose(fits["y"], [0, 1], atol=0.03)
+    assert fits["x"].attrs["units"] == "um"
+    assert fits["G0"].attrs["units"] == "Pa"
 
 
 def test_a_map_that_was_interrupted_goes_on_with_the_same_bits():

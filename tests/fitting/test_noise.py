@@ -194,3 +194,23 @@ def test_fits_are_compared_by_their_independent_rows() -> None:
     rows = fits["3"].rows * part
     growth = fits["2"].deviance - fits["3"].deviance
     assert criteria["3"] - criteria["2"] == pytest.approx(math.log(rows) - part * growth)
+
+
+def test_what_a_shape_would_change_does_not_depend_on_the_units():
+    """In SI, columns of the fit differ by factors of 1e9."""
+    depth = np.linspace(-1e-6, 1e-6, 400)
+    force = 5e3 * 0.7e-6**0.2 * np.maximum(depth, 0.0) ** 1.8  # between a paraboloid and a cone
+    force += 2e-12 * np.random.default_rng(3).standard_normal(400)
+    said = []
+    for length, size in (("m", 1.0), ("um", 1e6), ("nm", 1e9)):
+        model = {
+            "units": {"length": length, "stress": "Pa", "time": "s"},
+            "layer": {"thickness": math.inf, "material": {"model": "elastic", "G": 500.0}},
+            "punch": {"shape": "parabola", "radius": 5e-6 * size},
+        }
+        curve = ForceCurve("cone", np.arange(400.0), depth * size, force * size**2)
+        fit = fit_indentation(curve, model, ["layer.material.G"], contact="detect")
+        said.append(fit.misfit)
+    assert "another exponent of the indenter" in said[0][0]
+    assert said[1] == said[0]
+    assert said[2] == said[0]
