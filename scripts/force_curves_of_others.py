@@ -37,7 +37,7 @@ CURVES = 4  # of a file
 NEWTON = 60  # steps
 CALIBRATION = {"stiffness": 0.1, "sensitivity": 5e-8}  # of files that lack it
 LARGE = 0.03  # a difference that needs a reason
-FOLLOWS = 0.9  # part of the variance that a contact has
+FOLLOWS = 0.25  # part of the variance below which a curve has no contact that counts
 STIFF = 10.0  # times as stiff with the base prescribed
 STEPS = {
     "search": "nanite's search ends above the least squares",
