@@ -579,4 +579,4 @@ def test_the_command_fits_a_file_and_refuses_what_it_cannot(tmp_path, monkeypatc
     assert cli.main([*arguments, "--force", "--model", "wrong.yaml"]) == 2
     assert "wrong.yaml:2:34: punch.radius: got -5" in capsys.readouterr().err
     assert cli.main([*arguments, "--force", "--jobs", "2"]) == 2
-    assert "--restart and --jobs: only with --each" in capsys.readouterr().err
+    assert "--restart and --jobs: only of curves that are fitted one by one" in capsys.readouterr().err
