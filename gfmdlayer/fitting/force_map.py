@@ -25,7 +25,7 @@ from gfmdlayer.arrays import FloatArray
 from gfmdlayer.config import ConfigError
 from gfmdlayer.files.tables import Answers
 from gfmdlayer.files.whole import cannot_be_written, is_intact, write_text
-from gfmdlayer.fitting.curve_files import SI, Entry, CurveSource, contents, sources, units_of
+from gfmdlayer.fitting.curve_files import SI, CurveSource, Entry, contents, sources, units_of
 from gfmdlayer.fitting.elastic import CHOOSE, KINDS, NO_ADHESION
 from gfmdlayer.fitting.force_curve import COLUMNS as OF_A_CURVE
 from gfmdlayer.fitting.force_curve import Correction
