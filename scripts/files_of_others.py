@@ -1,9 +1,11 @@
-"""The table of docs/reference/files-of-others.md: test files of other packages, read or refused.
+"""The tables of docs/reference/files-of-others.md: test files of other packages, read or refused.
 
     python scripts/files_of_others.py > table.md
+    python scripts/files_of_others.py --moduli > moduli.md
 
 It downloads the source distributions of the packages, and needs the extras `afm` and `topography`. A folder
 may stand in for one: SurfaceTopography=FOLDER, a copy of its repository, as its distribution has no examples.
+`--moduli` fits the force curves and needs nanite beside (`force_curves_of_others.py`).
 """
 
 from __future__ import annotations
@@ -80,8 +82,11 @@ def material(path: Path) -> str:
 # Packages, the files in their source distributions, and how each is read.
 PACKAGES: dict[str, tuple[tuple[str, Reader], ...]] = {
     "SurfaceTopography": (("test/file_format_examples/*", topography), ("test/*.txt.gz", topography)),
-    "afmformats": (("tests/data/*", force_curve),),
-    "nanite": (("tests/data/fmt-*", force_curve), ("tests/data/*.h5", force_curve)),
+    "afmformats": (("tests/data/*", force_curve), ("docs/data/*.jpk*", force_curve),
+                   ("examples/data/*.jpk*", force_curve)),
+    "nanite": (("tests/data/fmt-*", force_curve), ("tests/data/*.h5", force_curve),
+               ("docs/data/*.jpk*", force_curve), ("examples/data/*.jpk*", force_curve)),
+    "pyjibe": (("tests/data/*", force_curve),),
     "pyvisco": (("sample_data/*.csv", material), ("sample_data/*.xls", material),
                 ("verification/*/input_master.csv", material)),
 }  # fmt: skip
@@ -139,12 +144,25 @@ def main() -> None:
     parser.add_argument(
         "folders", nargs="*", type=folder_of, metavar="PACKAGE=FOLDER", help="a copy of its files"
     )
-    given = dict(parser.parse_args().folders)
+    meaning = "fit the force curves, beside nanite"
+    parser.add_argument("--moduli", action="store_true", help=meaning)
+    options = parser.parse_args()
+    given = dict(options.folders)
     warnings.simplefilter("ignore")
     for package, patterns in PACKAGES.items():
+        if options.moduli and not any(reader is force_curve for _, reader in patterns):
+            continue
         with tempfile.TemporaryDirectory() as folder:
             root = given[package] if package in given else unpacked(package, Path(folder))
-            print(f"\n## {root.name.replace('-', ' ')}\n\n| file | result |\n|-|-|")
+            print(f"\n## {root.name.replace('-', ' ')}\n")
+            if options.moduli:
+                from force_curves_of_others import moduli
+
+                files = [path for pattern, _ in patterns for path in sorted(root.glob(pattern))]
+                for line in moduli(files):
+                    print(line, flush=True)
+                continue
+            print("| file | result |\n|-|-|")
             for name, result in results(root, patterns):
                 print(f"| `{name}` | {result} |")
 

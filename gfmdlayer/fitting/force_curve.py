@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
@@ -384,8 +384,8 @@ def _prescribed(curve: ForceCurve, first: int, end: int) -> str:
 # `TOLERANCE` of the indentation, or of the largest force, or `SIGMAS` of the noise. An approach may be a
 # hundred indentations long: far above the surface the distance may be `ABOVE` of the height. A few corners
 # may lie between rows, many are rows. The values at the corners follow from least squares, weighted by these
-# distances; corners that the noise explains are removed again. The pieces stay straight when a contact point
-# and a drift are subtracted.
+# distances; pieces are halved where they hide a bend within the noise, and corners that the noise explains
+# are removed again. The pieces stay straight when a contact point and a drift are subtracted.
 
 TOLERANCE = 3e-4
 ABOVE = 0.1
@@ -393,6 +393,7 @@ SIGMAS = 4.5  # standard deviations of the noise: one row in 150 000 lies furthe
 ROOM = 0.45  # of a piece: largest shift of a corner into it
 MOST_SHIFTED = 8, 20  # corners whose times are fitted too: of a precise and of a noisy column
 CHANCE = 20.0  # a corner is removed if the sum of squares grows by less than this many variances
+MOST_HALVED = 32  # corners of a noisy column before the last halving
 SHARP = 0.1  # of the largest rate: a larger jump of the rate is a breakpoint of the response
 
 
@@ -419,9 +420,9 @@ class StraightDrive:
         times = time[corners(time, values, within)]
         noisy, chance = SIGMAS * noise > finest, CHANCE * max(noise, finest / SIGMAS) ** 2
         if noisy:
-            times = rows.fewest(times, chance, lambda times: times)
+            times = rows.straightened(rows.halved(times, chance), chance)
         if shifted := 2 < times.size <= MOST_SHIFTED[noisy]:  # corners lie between rows
-            times = rows.fewest(times, chance, rows.shifted)
+            times = rows.fewest_shifted(times, chance)
         at_corners, squares = rows.fitted(times)
         columns = rows.derivatives(times, at_corners)[:, : None if shifted else times.size]
         freedom = max(float(np.sum(rows.weight**2)) - columns.shape[1], 1.0)
@@ -452,19 +453,52 @@ class _WeightedRows(NamedTuple):
     values: FloatArray
     weight: FloatArray
 
-    def fewest(
-        self, corners: FloatArray, chance: float, placed: Callable[[FloatArray], FloatArray]
-    ) -> FloatArray:
-        """Place corners, and remove them while the sum of squares grows by no more than `chance`."""
-        corners = placed(corners)
+    def fewest_shifted(self, corners: FloatArray, chance: float) -> FloatArray:
+        """Shift corners, and remove them while the sum of squares grows by no more than `chance`."""
+        corners = self.shifted(corners)
         squares = self.fitted(corners)[1]
         while corners.size > 2:
-            without = [placed(np.delete(corners, i)) for i in range(1, corners.size - 1)]
+            without = [self.shifted(np.delete(corners, i)) for i in range(1, corners.size - 1)]
             sums = [self.fitted(fewer)[1] for fewer in without]
             best = int(np.argmin(sums))
             if sums[best] > squares + chance:
                 break
             corners, squares = without[best], sums[best]
+        return corners
+
+    def straightened(self, corners: FloatArray, chance: float) -> FloatArray:
+        """Remove corners while the sum of squares grows by no more than `chance`.
+
+        Without a kink c.x = 0 at a corner the sum grows by (c.x)^2/(c.A^-1 c), A the normal matrix.
+        """
+        from scipy.linalg import solveh_banded
+
+        while corners.size > 2:
+            banded, moment = self.normal(corners)
+            values, steps, inner = (
+                solveh_banded(banded, moment),
+                np.diff(corners),
+                np.arange(corners.size - 2),
+            )
+            kinks = np.zeros((corners.size, inner.size))
+            kinks[inner, inner], kinks[inner + 2, inner] = 1 / steps[:-1], 1 / steps[1:]
+            kinks[inner + 1, inner] = -1 / steps[:-1] - 1 / steps[1:]
+            growth = (kinks.T @ values) ** 2 / np.sum(kinks * solveh_banded(banded, kinks), axis=0)
+            if growth.min() > chance:
+                break
+            corners = np.delete(corners, int(np.argmin(growth)) + 1)
+        return corners
+
+    def halved(self, corners: FloatArray, chance: float) -> FloatArray:
+        """Halve pieces while this lowers the sum of squares by more than `chance`."""
+        squares = self.fitted(corners)[1]
+        while corners.size < MOST_HALVED:
+            middles = self.time[np.searchsorted(self.time, (corners[:-1] + corners[1:]) / 2)]
+            halves = [at for at in middles if self.fitted(np.union1d(corners, at))[1] < squares - chance]
+            if not (added := np.setdiff1d(halves, corners)).size:
+                break
+            corners = np.union1d(corners, added)
+            squares = self.fitted(corners)[1]
         return corners
 
     def shifted(self, corners: FloatArray) -> FloatArray:
@@ -509,6 +543,12 @@ class _WeightedRows(NamedTuple):
         """Return the values at the corners by least squares over all rows, and the sum of squares."""
         from scipy.linalg import solveh_banded
 
+        values = np.asarray(solveh_banded(*self.normal(corners)))
+        away = self.weight * (self.values - np.interp(self.time, corners, values))
+        return values, float(np.sum(away**2))
+
+    def normal(self, corners: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the normal matrix of the values at corners, its two upper diagonals, and its right side."""
         piece = np.clip(np.searchsorted(corners, self.time, side="right") - 1, 0, corners.size - 2)
         right = (self.time - corners[piece]) / (corners[piece + 1] - corners[piece])
         left, weight = 1 - right, self.weight**2
@@ -519,9 +559,7 @@ class _WeightedRows(NamedTuple):
         moment = np.zeros(corners.size)
         np.add.at(moment, piece, weight * left * self.values)
         np.add.at(moment, piece + 1, weight * right * self.values)
-        values = np.asarray(solveh_banded(banded, moment))
-        away = self.weight * (self.values - np.interp(self.time, corners, values))
-        return values, float(np.sum(away**2))
+        return banded, moment
 
 
 def straight_derivatives(time: FloatArray, corners: FloatArray, values: FloatArray) -> FloatArray:

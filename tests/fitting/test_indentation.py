@@ -202,6 +202,19 @@ def test_a_noisy_depth_is_reduced_to_its_straight_pieces():
     assert np.abs(np.interp(TIME, drive.time, drive.value) - RAMP_HOLD).max() < 2e-3
 
 
+def test_a_bend_within_the_noise_of_single_rows_stays_in_the_pieces():
+    time, noise = np.linspace(0.0, 1.0, 2000), 0.01
+    bend = time + 3 * noise * time**2  # 3/4 of the noise from the straight line
+    rows = bend + noise * np.random.default_rng(5).standard_normal(time.size)
+    drive = StraightDrive.of(time, rows, np.full(time.size, 3e-4))
+    away = np.interp(time, drive.time, drive.value) - bend
+    # Halving a piece takes 15/16 of the squares of its bend: less than 20 variances, else it is halved.
+    # Beside these are the errors of the corners, values and times, about two variances each.
+    pieces = drive.time.size - 1
+    assert np.sum(away**2) < (20 * 16 / 15 * pieces + 2 * 2 * (pieces + 1)) * noise**2
+    assert pieces < 8
+
+
 @pytest.mark.parametrize(
     ("change", "message"),
     [
@@ -566,4 +579,4 @@ def test_the_command_fits_a_file_and_refuses_what_it_cannot(tmp_path, monkeypatc
     assert cli.main([*arguments, "--force", "--model", "wrong.yaml"]) == 2
     assert "wrong.yaml:2:34: punch.radius: got -5" in capsys.readouterr().err
     assert cli.main([*arguments, "--force", "--jobs", "2"]) == 2
-    assert "--restart and --jobs: only with --each" in capsys.readouterr().err
+    assert "--restart and --jobs: only of curves that are fitted one by one" in capsys.readouterr().err

@@ -9,6 +9,7 @@ import numpy as np
 import pandas
 import pytest
 import xarray
+from scipy.optimize import least_squares
 
 import gfmdlayer
 from gfmdlayer import ForceCurve, cli, fit_indentation
@@ -351,3 +352,35 @@ def test_the_command_takes_the_steps_by_hand(tmp_path, monkeypatch, capsys):
     out = capsys.readouterr().out
     assert "contact: constant_polynomial" in out
     assert "the fit assumes: layer.poisson = 0.5, punch.shape = parabola" in out
+
+
+@pytest.mark.parametrize("prescribed", ["depth", "base"])
+def test_a_force_that_is_not_hertzs_has_the_modulus_of_least_squares_under_what_is_prescribed(prescribed):
+    """With the base prescribed, rows where the contact is stiffer than the cantilever count less."""
+    stiffness, radius = 2.0, 5.0
+    depth = np.linspace(-0.5, 0.5, 400)
+    force = 12.0 * np.maximum(depth, 0.0) ** 1.8 + 0.005 * np.random.default_rng(4).standard_normal(400)
+    base = depth + force / stiffness
+
+    def hertz(modulus, below):
+        return 16 / 9 * modulus * radius**0.5 * np.maximum(below, 0.0) ** 1.5
+
+    def residuals(p, known):
+        if known == "depth":
+            return hertz(p[0], depth - p[1]) + p[2] - force
+        at = base - p[1] - p[2] / stiffness  # the force without contact bends the cantilever too
+        tried = np.linspace(0.0, 1.0, 4001)
+        return hertz(p[0], np.interp(at, tried + hertz(p[0], tried) / stiffness, tried)) + p[2] - force
+
+    plain = {
+        known: least_squares(residuals, [2.0, 0.0, 0.0], x_scale=[1, 0.1, 0.1], args=(known,)).x[0]
+        for known in ("depth", "base")
+    }
+    model = {
+        "layer": {"thickness": float("inf"), "poisson": 0.5, "material": {"model": "elastic", "G": 1.0}},
+        "punch": {"shape": "parabola", "radius": radius},
+    }
+    curve = ForceCurve("a", np.arange(400.0), depth, force, stiffness=stiffness, prescribed=prescribed)
+    fit = fit_indentation(curve, model, ["layer.material.G"], contact="detect")
+    assert 3 * fit["G"].value == pytest.approx(plain[prescribed], rel=0.01)
+    assert abs(plain["base"] / plain["depth"] - 1) > 3 * 0.01  # farther apart than the fits from either
