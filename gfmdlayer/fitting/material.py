@@ -660,6 +660,11 @@ def _warnings(fitted: FittedLaw, asked: int | None, relaxed: float | None) -> It
             f"G0 = {material.relaxed:.4g} is extrapolated: the lowest measured modulus is "
             f"{elastic.min():.4g}; measure at {fitted.measurement.slower}, or give --relaxed-modulus"
         )
+    if relaxed is None and isinstance(fitted.measurement, CreepCurve) and not material.relaxed:
+        yield (
+            "the creep goes on to the end of the data, and the material is taken as a liquid, G0 = 0; a "
+            "solid whose creep ends later looks the same: measure at longer times, or say --relaxed-modulus 0"
+        )
     decades = np.log(fitted.measurement.abscissa)
     if not 0.25 < (np.median(decades) - decades[0]) / np.ptp(decades) < 0.75:
         yield (

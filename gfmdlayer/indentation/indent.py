@@ -327,6 +327,7 @@ def indent(
     edge_exponent: float = 0.6,
     healing_work: float | None = None,
     snapshots: Sequence[float] = (),
+    times: Sequence[float] = (),
 ) -> xarray.Dataset:
     """Press a rigid indenter of revolution into a body: isolated, frictionless, over any history.
 
@@ -358,6 +359,9 @@ def indent(
         same energy with the glassy body next to it on both ways.
     snapshots : sequence of float
         Times of the radial profiles of pressure, displacement and gap.
+    times : sequence of float
+        Further times of rows. The steps are long where the solution is smooth: a straight line between two
+        rows may be off by some percent of the force, the rows themselves are not.
 
     Returns
     -------
@@ -397,16 +401,18 @@ def indent(
     if not history.by_force and history.value.max() >= (floor := getattr(body, "rigid_below", math.inf)):
         raise ValueError(f"depth: got {history.value.max():.6g}; must be above the rigid base, < {floor!r}")
     body = _beside_springs(body, float(np.ptp(history.time)))
-    times = np.unique(np.asarray(snapshots, dtype=float))
-    if times.size and not (history.time[0] <= times[0] and times[-1] <= history.time[-1]):
-        raise ValueError(f"snapshots: got {times}; must be between the first and the last time")
+    kept, rows = (np.unique(np.asarray(each, dtype=float)) for each in (snapshots, times))
+    for name, each in (("snapshots", kept), ("times", rows)):
+        if each.size and not (history.time[0] <= each[0] and each[-1] <= history.time[-1]):
+            raise ValueError(f"{name}: got {each}; must be between the first and the last time")
     run = IsolatedIndentation(
         body,
         as_revolution(indenter),
         history,
         tolerance=tolerance,
         adhesion=Edge(work_of_adhesion, edge_speed, edge_exponent, healing_work),
-        snapshots=times.tolist(),
+        snapshots=kept.tolist(),
+        stops=rows.tolist(),
     )
     columns = run.columns()
     about = {column.name: column.described for column in INDENTATION}
@@ -419,7 +425,7 @@ def indent(
         meaning = {"long_name": "energy taken by the edge of the contact", "units": "energy"}
         data["edge_work"] = "time", run.solved.parted, meaning
         attributes["pull_off_force"] = max(0.0, -float(run.solved.force.min()))
-    if times.size:
+    if kept.size:
         fields = run.profiles()
         data |= {name: (("snapshot", "r"), getattr(fields, name), about[name]) for name in FIELDS}
         coordinates |= {

@@ -179,3 +179,14 @@ def test_a_fit_of_columns_has_the_names_of_lmfit_and_intervals_of_its_numbers():
     material, picture = fit.write("out/")
     assert load(material).layer.material.model == "fractional_zener"
     assert picture.exists()
+
+
+def test_creep_that_goes_on_to_the_end_is_said_to_be_taken_as_a_liquid():
+    t = np.geomspace(1e-2, 10.0, 40)
+    liquid = Prony(0.0, ((1.0, 0.1), (2.0, 5.0)))
+    solid = Prony(1.0, ((1.0, 0.1), (2.0, 1.0)))
+    said = [fit_material({"t": t, "J(t)": law.creep_compliance(t)}).warnings for law in (liquid, solid)]
+    assert any("is taken as a liquid" in line for line in said[0])
+    assert not any("is taken as a liquid" in line for line in said[1])
+    told = fit_material({"t": t, "J(t)": liquid.creep_compliance(t)}, relaxed_modulus=0.0).warnings
+    assert not any("is taken as a liquid" in line for line in told)

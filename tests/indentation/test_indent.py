@@ -49,3 +49,23 @@ def test_every_variable_has_a_meaning_and_units():
 def test_impossible_input_is_refused(indenter, time, values, said):
     with pytest.raises((TypeError, ValueError), match=said):
         gfmdlayer.indent(BODY, indenter, time, **values)
+
+
+def test_rows_at_further_times_are_right_where_a_line_between_steps_is_not():
+    """Zener, tau a tenth of the ramp: the force falls between long steps."""
+    body = gfmdlayer.halfspace(gfmdlayer.Zener(1.0, 4.0, 0.05), poisson=0.5)
+    fine = np.linspace(0.5, 1.0, 101)
+    arguments = body, {"radius": 1.0}, [0, 0.5, 10]
+    found = gfmdlayer.indent(*arguments, depth=[0, 0.1, 0.1], times=fine)
+    assert set(fine) <= set(found["time"].values)
+    assert found["depth"].sel(time=fine).values == pytest.approx(0.1, abs=1e-12)
+    # Lee and Radok: the branch relaxes from the end of the ramp on.
+    hertz, tau = 8 / 3 * 0.1**1.5 / 0.5, 0.05
+    grid = np.linspace(0, 1, 200001)
+    branch = hertz * np.trapezoid(1.5 * grid**0.5 * np.exp((grid - 1) * 0.5 / tau), grid)
+    exact = hertz + 3.0 * branch * np.exp(-(fine - 0.5) / tau)
+    assert np.abs(found["force"].sel(time=fine) - exact).max() < 2e-4 * exact.max()
+    steps = gfmdlayer.indent(*arguments, depth=[0, 0.1, 0.1])["force"].interp(time=fine)
+    assert np.abs(steps - exact).max() > 0.01 * exact.max()
+    with pytest.raises(ValueError, match="times: got"):
+        gfmdlayer.indent(*arguments, depth=[0, 0.1, 0.1], times=[11.0])
