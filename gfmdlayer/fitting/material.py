@@ -312,7 +312,14 @@ def fitted_material(
     if joined is not None and joined.law is None:
         notes = [*notes, "Factors are free: the material is that of the reference, without a shift."]
     told = tuple(_origin(fitted, unit if normalise else None, notes))
-    return MaterialFit(fitted, params, told, tuple(_warnings(fitted, branches, relaxed)), joined)
+    warnings = list(_warnings(fitted, branches, relaxed))
+    if joined is not None and fitted.least > POOR_RMS:
+        warnings.append(
+            f"the curves do not lie on one master curve: the least error of any series is "
+            f"{_percent(fitted.least)}; try moduli that are shifted too (vertical), a free shift, or fewer "
+            "temperatures"
+        )
+    return MaterialFit(fitted, params, told, tuple(warnings), joined)
 
 
 def _isotherms(data: Any, poisson: float | None, answers: Answers) -> Iterator[Measurement]:

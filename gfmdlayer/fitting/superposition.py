@@ -28,6 +28,8 @@ from gfmdlayer.fitting.measurement import CreepCurve, FitError, Measurement
 LEVEL = 0.95
 OVERLAP = 1 / 3  # of the rows of a curve, that lie among those before it when the search starts
 TRIALS, REACH = 0.2, 10.0  # decades: distance of the first trials, and the largest shift between neighbours
+LARGEST = 23.0  # logarithm of a constant, 1e10, beyond which the law is another one
+STRAIGHT = 20.0  # C2 over the range of temperatures, from which WLF is a straight line
 LAWS = ("wlf", "arrhenius", "free")
 
 
@@ -166,10 +168,12 @@ class _ShiftProblem:
         if isinstance(self.shift, Shift):
             return self.shift
         if self.shift == "wlf":  # the pole lies below the lowest temperature
-            C2 = self.reference - self.temperatures[0] + math.exp(x[1])
-            return WLF(C1=math.exp(x[0]), C2=C2, reference=self.reference)
+            C1, above = np.exp(x[:2].clip(-LARGEST, LARGEST)).tolist()
+            C2 = self.reference - float(self.temperatures[0]) + above
+            return WLF(C1=C1, C2=C2, reference=self.reference)
         if self.shift == "arrhenius":
-            return Arrhenius(activation_energy=math.exp(x[0]), reference=self.reference)
+            energy = float(np.exp(x[0].clip(-LARGEST, LARGEST)))
+            return Arrhenius(activation_energy=energy, reference=self.reference)
         return None
 
     @property
@@ -296,6 +300,10 @@ class _ShiftProblem:
                 logs = free.logarithms(free.minimised(x)) if not self.vertical else logs
                 x = np.concatenate([self._constants(logs), heights])
         x = self.minimised(x) if x.size else x
+        law, longest = self.law(x), STRAIGHT * float(np.ptp(self.temperatures))
+        if self.shift == "wlf" and isinstance(law, WLF) and law.C2 > longest:
+            message = f"the logarithms of the factors do not bend as those of wlf (C2 = {law.C2:.3g} K)"
+            raise FitError(f"shift: {message}; take arrhenius or free")
         half, spread = np.zeros(0), np.zeros((0, 0))
         if x.size:
             blocks = [each.abscissa.size for each in self.curves]

@@ -190,3 +190,18 @@ def test_creep_that_goes_on_to_the_end_is_said_to_be_taken_as_a_liquid():
     assert not any("is taken as a liquid" in line for line in said[1])
     told = fit_material({"t": t, "J(t)": liquid.creep_compliance(t)}, relaxed_modulus=0.0).warnings
     assert not any("is taken as a liquid" in line for line in told)
+
+
+def test_curves_that_do_not_superpose_and_factors_that_do_not_bend_are_said():
+    heights = (0.0, 0.2, 0.0, 0.2, 0.0, 0.2)
+    lines = []
+    for curve in curves(MasterCurve, heights=heights):
+        numbers = zip(curve.abscissa, *curve.moduli, strict=True)
+        lines += [f"{curve.temperature};{w};{a};{b}" for w, a, b in numbers]
+    Path("uneven.csv").write_text("\n".join(["T [degC];omega [rad/s];G' [kPa];G'' [kPa]", *lines]))
+    assert "do not lie on one master curve" in str(fit_material("uneven.csv", shift="free", reference=10.0))
+    upright = fit_material("uneven.csv", shift="free", reference=10.0, vertical=True)
+    assert "do not lie on one master curve" not in str(upright)
+    straight = WLF(C1=0.1 * 1e7 / np.log(10), C2=1e7, reference=10.0)  # ln aT = -.1 (T - 10)
+    with pytest.raises(FitError, match="do not bend as those of wlf"):
+        superposed(curves(MasterCurve, shift=straight), 10.0)
