@@ -301,7 +301,7 @@ class _ShiftProblem:
                 x = np.concatenate([self._constants(logs), heights])
         x = self.minimised(x) if x.size else x
         law, longest = self.law(x), STRAIGHT * float(np.ptp(self.temperatures))
-        if self.shift == "wlf" and isinstance(law, WLF) and law.C2 > longest:
+        if self.shift == "wlf" and isinstance(law, WLF) and longest < law.C2:
             message = f"the logarithms of the factors do not bend as those of wlf (C2 = {law.C2:.3g} K)"
             raise FitError(f"shift: {message}; take arrhenius or free")
         half, spread = np.zeros(0), np.zeros((0, 0))
