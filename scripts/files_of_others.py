@@ -5,7 +5,7 @@
 
 It downloads the source distributions of the packages, and needs the extras `afm` and `topography`. A folder
 may stand in for one: SurfaceTopography=FOLDER, a copy of its repository, as its distribution has no examples.
-`--moduli` fits the force curves and needs nanite beside (`force_curves_of_others.py`).
+`--moduli` fits them, the force curves with nanite beside (`force_curves_of_others.py`).
 """
 
 from __future__ import annotations
@@ -25,7 +25,9 @@ import numpy as np
 from gfmdlayer.files.tables import Answers, TableError
 from gfmdlayer.fitting.curve_files import entries, read_curve
 from gfmdlayer.fitting.estimates import FitOptions
-from gfmdlayer.fitting.measurement import FitError, read
+from gfmdlayer.fitting.laws import SeriesProblem, fit
+from gfmdlayer.fitting.material import fit_material
+from gfmdlayer.fitting.measurement import FitError, isotherms, read
 from gfmdlayer.punch.scan import times
 from gfmdlayer.punch.scan_files import read_scan
 
@@ -74,9 +76,47 @@ def _curves(path: Path, options: FitOptions) -> str:
 
 
 def material(path: Path) -> str:
-    """Read a measured curve; moduli that do not say it are in tension."""
-    curve = read(path, answers=Answers(modulus="E"))
-    return f"{curve.name} of {curve.abscissa.size} rows"
+    """Read measured curves; moduli that do not say it are in tension."""
+    curves = isotherms(path, None, Answers(modulus="E"))
+    rows = sum(curve.abscissa.size for curve in curves)
+    return f"{curves[0].name} of {rows} rows" + f" at {len(curves)} temperatures" * (len(curves) > 1)
+
+
+def laws(root: Path) -> Iterator[str]:
+    """Yield a table of fits of pyvisco's data beside the numbers that it publishes with them."""
+    yield "| data | published | here |\n|-|-|-|"
+    folder = root / "verification/time_master"
+    curve = read(folder / "time_user_master.csv")
+    parts, tau = np.loadtxt(folder / "prony_terms_KPf_MD.csv", delimiter=",").T
+    glassy = curve.moduli[0] * 3
+    series = 1739.03 * (1 - parts.sum() + np.exp(-np.divide.outer(curve.abscissa, tau)) @ parts)
+    least = SeriesProblem(curve, None).error(np.log(tau))
+    own = fit(curve)
+    yield (
+        f"| `time_user_master.csv`, {curve.abscissa.size} rows: rms error of a Prony series "
+        f"| {len(tau)} terms of ANSYS: {100 * np.sqrt(np.mean((series / glassy - 1) ** 2)):.3f} % "
+        f"| the same times: {100 * least:.3f} %; {len(own.material.branches)} of its own: "  # type: ignore[attr-defined]
+        f"{100 * own.rms:.3f} % |"
+    )
+    for kind, words in (("time", "E(t)"), ("freq", "E', E''")):
+        name = f"{kind}_user_raw"
+        table = root / f"sample_data/{name}__shift_factors.csv"
+        if not table.exists():
+            table = root / "verification/freq_raw/freq_Eplexor_raw__shift_factors.csv"
+        text = table.read_text(encoding="utf-8-sig").splitlines()[2:]
+        T, known = np.array(sorted([float(each) for each in line.split(",")] for line in text)).T
+        found = fit_material(root / f"sample_data/{name}.csv", shift="free")
+        joined = found.superposition
+        assert joined is not None
+        at = np.append(joined.temperatures, joined.reference)
+        published = np.interp(at, T, known)
+        apart = np.array([each.value for each in joined.factors]) - (published[:-1] - published[-1])
+        error = found.fitted.least
+        yield (
+            f"| `{name}.csv`, {words} at {len(joined.curves)} temperatures: log10 aT, free "
+            f"| over {np.ptp(published):.1f} decades "
+            f"| apart by {np.median(np.abs(apart)):.2f} in the median, {np.abs(apart).max():.2f} at most; least error of any series {100 * error:.2g} % |"
+        )
 
 
 # Packages, the files in their source distributions, and how each is read.
@@ -150,11 +190,15 @@ def main() -> None:
     given = dict(options.folders)
     warnings.simplefilter("ignore")
     for package, patterns in PACKAGES.items():
-        if options.moduli and not any(reader is force_curve for _, reader in patterns):
+        readers = {reader for _, reader in patterns}
+        if options.moduli and topography in readers:
             continue
         with tempfile.TemporaryDirectory() as folder:
             root = given[package] if package in given else unpacked(package, Path(folder))
             print(f"\n## {root.name.replace('-', ' ')}\n")
+            if options.moduli and material in readers:
+                print("\n".join(laws(root)))
+                continue
             if options.moduli:
                 from force_curves_of_others import moduli
 
