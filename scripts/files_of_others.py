@@ -115,7 +115,8 @@ def laws(root: Path) -> Iterator[str]:
         yield (
             f"| `{name}.csv`, {words} at {len(joined.curves)} temperatures: log10 aT, free "
             f"| over {np.ptp(published):.1f} decades "
-            f"| apart by {np.median(np.abs(apart)):.2f} in the median, {np.abs(apart).max():.2f} at most; least error of any series {100 * error:.2g} % |"
+            f"| apart by {np.median(np.abs(apart)):.2f} in the median, {np.abs(apart).max():.2f} at most; "
+            f"least error of any series {100 * error:.2g} % |"
         )
 
 
