@@ -287,10 +287,14 @@ def _by_least_squares(curve: ForceCurve, end: int, exponent: float, *, tilted: b
 def approach(curve: ForceCurve) -> int:
     """Return the number of rows up to `PART` of the largest force, above a straight baseline."""
     force = _averaged(curve.force)
-    end = int(np.argmax(force)) + 1
+    end, deepest = int(np.argmax(force)) + 1, int(np.argmax(curve.position_of_drive)) + 1
+    falls = end < deepest // 2  # a baseline falls by more than the contact rises
+    end = deepest if falls else end
     early = slice(0, max(BASELINE, end // 20))
     position = curve.position_of_drive[:end]
     line = np.full(end, np.median(curve.force[early]))
+    if falls and np.ptp(position[early]) > 0:
+        line = np.polynomial.Polynomial.fit(position[early], curve.force[early], 1)(position)
     for _ in range(3):  # a tilted baseline: the rows before the level found first
         above = force[:end] - line
         low = np.flatnonzero(above <= PART * above[-1])

@@ -214,3 +214,21 @@ def test_what_a_shape_would_change_does_not_depend_on_the_units():
     assert "another exponent of the indenter" in said[0][0]
     assert said[1] == said[0]
     assert said[2] == said[0]
+
+
+def test_a_baseline_that_falls_by_more_than_the_contact_rises_changes_nothing():
+    depth = np.linspace(-2.0, 1.0, 1500)
+    hertz = relaxed_force(np.arange(1500.0), depth, 7.0, 7.0, 1.0)
+    noise = 0.003 * hertz.max() * np.random.default_rng(1).standard_normal(depth.size)
+    model = {
+        "layer": {"thickness": math.inf, "material": {"model": "elastic", "G": 1.0}},
+        "punch": {"shape": "parabola", "radius": RADIUS},
+    }
+    moduli = []
+    for fall in (0.0, 0.39, 1.3, 10.0):
+        force = hertz + noise - fall * hertz.max() * (depth + 2) / 3
+        curve = ForceCurve("tilted", np.arange(1500.0), depth, force)
+        fit = fit_indentation(curve, model, ["layer.material.G", "tilt"], contact="detect")
+        moduli.append(fit["G"].value)
+    assert abs(moduli[0] / 7 - 1) < 0.005
+    assert np.ptp(moduli) < 1e-6 * moduli[0]
