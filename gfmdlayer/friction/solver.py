@@ -118,6 +118,12 @@ class FrictionSolver:
         at, steps = self._under_a_wall(problem, start, tolerance, limit)
         return _solution(problem, at, steps, self._spent.pairs, tolerance)
 
+    def respond(self, problem: FrictionProblem, loads: FloatArray) -> tuple[FloatArray, float]:
+        """Return the displacements W, u_x[, u_y] under tractions, and the FFT pairs."""
+        before = self._spent.pairs
+        found = self._levels[0].newton(problem.response).displacements(loads)
+        return found, self._spent.pairs - before
+
     def _rolled(self, problem: FrictionProblem, way: float, tolerance: float, limit: int) -> FrictionSolution:
         """Solve for the state that repeats itself after a way along x; no displacements along the surface."""
         grid, of = self._levels[0].grid, problem.response

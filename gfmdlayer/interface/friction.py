@@ -47,6 +47,12 @@ class SpeedTable:
         """Coefficient at a slip speed, or at an array of them."""
         return np.asarray(np.interp(speed, self.speeds, self.values))
 
+    def slope(self, speed: FloatArray) -> FloatArray:
+        """Rise of the coefficient over the speed, at speeds; at a row, that of the speeds above it."""
+        rises = np.append(np.diff(self.values) / np.diff(self.speeds), 0.0)
+        at = np.searchsorted(self.speeds, speed, side="right") - 1
+        return np.where(at < 0, 0.0, rises[at])
+
     @property
     def range(self) -> tuple[float, float]:
         """The least and the largest coefficient."""
