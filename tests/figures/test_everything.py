@@ -14,7 +14,7 @@ from matplotlib.text import Text
 
 from gfmdlayer.cli import main
 from gfmdlayer.config import Config
-from gfmdlayer.figures.plot_style import CONTACT, styled
+from gfmdlayer.figures.plot_style import CONTACT, PAPER, styled
 from gfmdlayer.observables import columns
 from gfmdlayer.results.names import OVER_TIME
 from gfmdlayer.results.reader import open_results
@@ -125,7 +125,7 @@ def curves(figure):
 SHOWN = 32
 # Those that every run has, and sizes of the same curves: FEW show them.
 USUAL = {column.name for column in columns(Config(name="usual"))}
-SIZES = ("one column", "talk")
+SIZES = ("one column", "talk", "any")
 
 
 @pytest.fixture(scope="module")
@@ -145,7 +145,7 @@ def test_every_picture_is_legible_and_complete(name, prefix, folder):
     for title, draw, style in SCRIPT["pictures"](path):
         if title.startswith("SI ") != bool(prefix) or (is_usual and "columns" in title):
             continue
-        if name not in FEW and title.endswith(SIZES):
+        if name not in FEW and (title.endswith(SIZES) or (title.endswith("movie") and style is PAPER)):
             continue
         with styled(style), warnings.catch_warnings():
             warnings.simplefilter("error", UserWarning)  # a layout that collapses, a letter that is missing
@@ -156,7 +156,7 @@ def test_every_picture_is_legible_and_complete(name, prefix, folder):
             assert contacts(figure) <= {CONTACT}
             named = [text.get_text() for legend in figure.legends for text in legend.get_texts()]
             assert bool(contacts(figure)) == ("contact" in named)
-        if title.endswith(SIZES) or "columns" in title:
+        if title.endswith(("one column", "talk")) or "columns" in title:
             assert 1 <= min(curves(figure)) <= max(curves(figure)) <= complete, title
             assert max(curves(figure)) == complete or complete > SHOWN, title
         empty = [axes for axes in figure.axes if axes.axison and not axes.has_data()]

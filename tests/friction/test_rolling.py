@@ -32,10 +32,12 @@ KALKER = {
     10 / 3: ((5.57, 6.34, 7.34), (5.57, 6.40, 7.51), (3.79, 4.32, 5.01), (0.868, 0.674, 0.446)),
 }
 _QUICK = {(1.0, 0.25), (2.0, 0.0)}
+# Each ratio with one nu, each nu with several ratios; docs/theory/friction.md has all.
 CASES = [
     pytest.param(ratio, nu, marks=[] if (ratio, nu) in _QUICK else pytest.mark.slow)
-    for ratio in KALKER
+    for number, ratio in enumerate(KALKER)
     for nu in (0.0, 0.25, 0.5)
+    if (ratio, nu) in _QUICK or nu == (0.0, 0.25, 0.5)[number % 3]
 ]
 
 
