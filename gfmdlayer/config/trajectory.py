@@ -358,6 +358,12 @@ def _problems_of_the_drive(config: Any) -> Iterator[Mistake]:
     if config.time.at_once and config.interfaces:
         message = f"got {AT_ONCE} beside an attraction; must be a relative change below which the run ends"
         yield Mistake(("time", "steady"), message, ("interface",))
+    if config.time.at_once:
+        early = any(time < config.time.end for time in config.output.snapshot_times)
+        for key, is_given in (("times", config.output.times is not None), ("snapshots", early)):
+            if is_given:
+                message = f"got {getattr(config.output, key)!r}; the only row is the steady state at time.end"
+                yield Mistake(("output", key), f"{message}; remove it", ("time.steady",))
     if drive is None:
         return
     if motion.creepage is not None and drive.control == "force":

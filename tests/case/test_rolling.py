@@ -96,6 +96,14 @@ def test_forces_have_the_signs_of_creepages_and_spin():
     assert float(lateral.spin_moment[-1]) < 0
 
 
+def test_rows_before_the_steady_state_are_refused():
+    for output in ({"times": 0.1}, {"snapshots": [0.1, 1.0]}):
+        with pytest.raises(
+            gfmdlayer.ConfigError, match=r"output\.\w+: .* the only row is the steady"
+        ):
+            gfmdlayer.run(rolling(ELASTIC, output=output))
+
+
 def test_a_mirrored_state_has_mirrored_forces():
     """Across x: lateral creepage and spin, lateral force and moment change their signs, to the tolerance."""
     mirrored = {"trajectory": {"creepage": {"x": CREEP["x"], "y": -CREEP["y"], "spin": -CREEP["spin"]}}}
