@@ -156,9 +156,10 @@ def plot_results(
             return [picture]
         check_suffix(picture)
         about = (title, look, said)
+        along = "time" if inset or log_time else selection.default_abscissa(dataset)
         draw: dict[Kind, Callable[[], Figure]] = {
             "curves": lambda: curves_figure(
-                dataset, style=look, log=log, log_time=log_time, x=x or "time", y=y, time=time,
+                dataset, style=look, log=log, log_time=log_time, x=x or along, y=y, time=time,
                 inset=Inset.of(first, inset) if inset else None,
             ),
             "loop": lambda: loop_figure(path, dataset, look, _one(y, "a loop") or "force"),

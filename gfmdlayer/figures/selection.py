@@ -36,6 +36,13 @@ def swept(dataset: Dataset) -> list[DataArray]:
     return sorted(found, key=lambda coordinate: order.index(coordinate.attrs["key"]))
 
 
+def default_abscissa(dataset: Dataset) -> str:
+    """Return time, or a swept key where each case has one row, as of steady states."""
+    keys = [str(key.name) for key in swept(dataset) if key.ndim and key.dtype.kind in "if"]
+    alone = all(dataset.sizes.get(name, 1) == 1 for name in ("time", "row"))
+    return keys[0] if keys and alone else "time"
+
+
 def case_dimensions(dataset: Dataset) -> list[str]:
     """Return the dimensions along which there are cases: the swept keys, or `case` for a list."""
     return [str(name) for name in dataset["case"].dims] if "case" in dataset.coords else []

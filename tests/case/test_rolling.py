@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import gfmdlayer
+from gfmdlayer.figures.selection import default_abscissa
 
 MU, SPACING = 0.3, 1 / 32
 ELASTIC = {"thickness": math.inf, "poisson": 0.3, "material": {"model": "elastic", "G": 1.0}}
@@ -96,11 +97,17 @@ def test_forces_have_the_signs_of_creepages_and_spin():
     assert float(lateral.spin_moment[-1]) < 0
 
 
+def test_states_of_a_sweep_are_drawn_over_its_key(tmp_path):
+    config = rolling(ELASTIC, sweep={"trajectory.creepage": [0.001, 0.002, 0.004]})
+    del config["trajectory"]["creepage"]
+    found = gfmdlayer.run(config, out=tmp_path / "out")
+    assert default_abscissa(found) == "creepage"
+    assert default_abscissa(found.isel(creepage=0)) == "time"
+
+
 def test_rows_before_the_steady_state_are_refused():
     for output in ({"times": 0.1}, {"snapshots": [0.1, 1.0]}):
-        with pytest.raises(
-            gfmdlayer.ConfigError, match=r"output\.\w+: .* the only row is the steady"
-        ):
+        with pytest.raises(gfmdlayer.ConfigError, match=r"output\.\w+: .* the only row is the steady"):
             gfmdlayer.run(rolling(ELASTIC, output=output))
 
 
