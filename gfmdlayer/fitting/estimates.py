@@ -288,13 +288,11 @@ def approach(curve: ForceCurve) -> int:
     """Return the number of rows up to `PART` of the largest force, above a straight baseline."""
     force = _averaged(curve.force)
     end, deepest = int(np.argmax(force)) + 1, int(np.argmax(curve.position_of_drive)) + 1
-    falls = end < deepest // 2  # a baseline falls by more than the contact rises
-    end = deepest if falls else end
+    falling = _falling(curve, deepest) if end < deepest // 2 else None
+    end = end if falling is None else deepest
     early = slice(0, max(BASELINE, end // 20))
     position = curve.position_of_drive[:end]
-    line = np.full(end, np.median(curve.force[early]))
-    if falls and np.ptp(position[early]) > 0:
-        line = np.polynomial.Polynomial.fit(position[early], curve.force[early], 1)(position)
+    line = np.full(end, np.median(curve.force[early])) if falling is None else falling(position)
     for _ in range(3):  # a tilted baseline: the rows before the level found first
         above = force[:end] - line
         low = np.flatnonzero(above <= PART * above[-1])
@@ -306,6 +304,18 @@ def approach(curve: ForceCurve) -> int:
             break
         line = np.polynomial.Polynomial.fit(before[half], curve.force[: before.size][half], 1)(position)
     return min(int(low[-1]) + 2, end)
+
+
+def _falling(curve: ForceCurve, deepest: int) -> np.polynomial.Polynomial | None:
+    """Return the line of a baseline that falls by more than the contact rises; None where none falls."""
+    tenth = deepest // 10
+    parts = [slice(0, tenth), slice(tenth, 2 * tenth)]
+    force, position = (
+        [np.median(each[part]) for part in parts] for each in (curve.force, curve.position_of_drive)
+    )
+    if tenth < BASELINE or force[0] - force[1] <= 4 * noise_of(curve.force) / math.sqrt(tenth):
+        return None
+    return np.polynomial.Polynomial.fit(position, force, 1) if position[1] > position[0] else None
 
 
 def _averaged(force: FloatArray) -> FloatArray:
