@@ -372,6 +372,10 @@ _BEFORE_JUMPS = 0.1  # part of `everywhere` with adhesion: the largest errors ar
 # Spread of `even_steps` for the first mesh, over the root of the tolerance; measured, mostly enough.
 _FIRST_SPREAD = 45.0
 
+# Deviation of a straight line between two rows, relative to the largest value.
+_STRAIGHT = 1e-3
+_OF_POWER = 4 / 27  # part of its change, of a power 2/3 or 3/2
+
 # Part of the largest radius below which the error of its square counts.
 _SMALL = 0.1
 
@@ -651,9 +655,9 @@ def _to_tolerance(
             # Each step is exact: only a jump and the largest pull depend on their steps.
             result = on_steps(body, space, profile, history, time, adhesion, kept)
             coarse = np.append(jumps(result, shift), _beside_the_pull(result, tolerance))
-            if not coarse.size:
+            parts = _parts_of_curve(result, turns, adhesion)
+            if not coarse.size and parts.max() <= 1:
                 return result._replace(error=0.0)
-            parts = np.ones(time.size - 1)
             parts[coarse] = _PARTS_OF_JUMP
             time = _refined(time, parts, knots)
         return result._replace(error=math.inf)
@@ -664,17 +668,21 @@ def _to_tolerance(
         result, errors = on_quartered_steps(body, space, profile, history, time, kept, adhesion, shift)
         solutions += result.solutions
         coarse = jumps(result, shift) if shift else np.zeros(0, dtype=int)
+        drawn = _parts_of_curve(result, turns, adhesion).reshape(-1, 4).max(axis=1)
         if result.time.size > _MOST_STEPS:
             break
         if result.error <= tolerance and not coarse.size:
             left_open = _left_open(result, adhesion)[::2]
             if not tolerance < np.abs(left_open).max() < room:
-                break
+                if drawn.max() <= 1:
+                    break
+                time = _refined(time, drawn, knots)
+                continue
             errors, room = np.vstack((errors, left_open)), _FALLS * np.abs(left_open).max()
         everywhere = (mesh + 1) / _MOST_MESHES * (_BEFORE_JUMPS if shift else 1.0)
         parts = _parts(result.radius[::4], errors, everywhere, tolerance)
         parts[coarse // 4] = _PARTS_OF_JUMP
-        time = _refined(time, np.maximum(parts, 1.0) if mesh else parts, knots)
+        time = _refined(time, np.maximum(parts, drawn) if mesh else parts, knots)
     late = float(np.diff(result.time)[coarse].max(initial=0.0) / (knots[-1] - knots[0]))
     return result._replace(solutions=solutions, error=max(result.error, late))
 
@@ -724,6 +732,32 @@ def _refined(time: FloatArray, parts: FloatArray, knots: FloatArray) -> FloatArr
 def _landing(time: FloatArray, knots: FloatArray) -> FloatArray:
     """Times about as dense as these, the knots among them."""
     return _refined(time, np.ones(time.size - 1), knots)
+
+
+def _parts_of_curve(run: Indentation, turns: FloatArray, adhesion: Edge) -> FloatArray:
+    """Number of steps in place of each, from 1, so that straight lines between the rows follow the curves.
+
+    The force, the depth and the square of the radius, which is linear where contact begins, deviate from the
+    straight line over a step by an eighth of their second derivative times the square of the step; by that of
+    the neighbours, but for those behind a turn of the history, or the beginning or the end of contact. There
+    force and depth without adhesion are powers 2/3 or 3/2, at most 4/27 of their change off the line.
+    """
+    t, touching = run.time, run.radius > 0
+    steps = np.diff(t)
+    passed = steps > 0  # those of a jump end at times that are equal but for rounding
+    smooth = (touching[2:] == touching[:-2]) & ~np.isin(t[1:-1], turns) & passed[1:] & passed[:-1]
+    both = np.where(smooth, t[2:] - t[:-2], 1.0)
+    off = np.zeros(steps.size)
+    for values, power in ((run.force, _OF_POWER), (run.depth, _OF_POWER), (run.radius**2, 0.0)):
+        scale = max(float(np.abs(values).max()), 1e-300)
+        slope = np.divide(np.diff(values), steps, out=np.zeros(steps.size), where=passed)
+        bend = np.abs(np.diff(slope)) / both * smooth / scale
+        bend = np.maximum(np.append(bend, 0.0), np.append(0.0, bend))
+        np.maximum(off, bend * steps**2 / 4, out=off)
+        if not adhesion.work:
+            rim = (touching[1:] != touching[:-1]) * np.abs(np.diff(values)) / scale
+            np.maximum(off, power * rim, out=off)
+    return np.asarray(np.clip(np.sqrt(off / _STRAIGHT), 1.0, _MOST_PARTS))
 
 
 def _passed_before(radius: FloatArray) -> IntArray:

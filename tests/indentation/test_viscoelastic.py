@@ -259,8 +259,9 @@ def test_depth_and_radius_creep_under_a_held_force_to_the_tolerance_in_few_steps
     run = _creeping(1e-4)
     finer = _creeping(1e-4 / 30, run.time.tolist())
     at = np.isin(finer.time, run.time)
-    # 100 steps are enough for the columns below, and leave 6e-4 of the work open: 24 more close the balance.
-    assert run.time.size - 1 <= 125
+    # 100 steps are enough for the columns below, and leave 6e-4 of the work open: 24 more close the balance,
+    # and another 24 are for straight lines between the rows.
+    assert run.time.size - 1 <= 150
     missed = work_of(run) - run.stored - run.dissipated
     assert np.abs(missed).max() <= 3e-4 * work_of(run).max()
     assert finer.error <= 1e-4 / 30
