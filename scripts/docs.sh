@@ -5,7 +5,7 @@
 set -euo pipefail
 
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
-bash "$root/scripts/environment.sh" mpich,test,docs
+bash "$root/scripts/environment.sh" mpi,test,docs
 cd "$root"
 .venv/bin/codespell ./*.md docs configs
 .venv/bin/python -m sphinx -q -W --keep-going -j 2 -b html docs docs/_build/html

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Makes the clone's own environment, .venv, with the given extras; does nothing where it is up to date.
-# usage: bash scripts/environment.sh EXTRAS        for example: mpich,test
+# usage: bash scripts/environment.sh EXTRAS        for example: mpi,test
 set -euo pipefail
 
 extras=$1

@@ -11,7 +11,7 @@ export PATH="$PATH:$root/.venv/bin"
 skip() { echo "skipped: $1"; exit 0; }
 fail() { echo "FAILED: $1" >&2; exit 1; }
 
-command -v gfmdlayer >/dev/null || fail "gfmdlayer is not in the PATH (scripts/environment.sh mpich,test)"
+command -v gfmdlayer >/dev/null || fail "gfmdlayer is not in the PATH (scripts/environment.sh mpi,test)"
 (($(nproc --all) >= 2)) || skip "two ranks need two cores"
 [[ $(id -u) == 0 ]] || skip "a Slurm node needs root"
 if ! command -v slurmctld slurmd munged >/dev/null; then

@@ -5,7 +5,7 @@ set -euo pipefail
 
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
 cd "$root"
-bash scripts/environment.sh mpich,test
+bash scripts/environment.sh mpi,test
 
 export PATH="$root/.venv/bin:$PATH"
 # Threads of BLAS, on small matrices, wait for those of the other process of tests; the command line sets this too.

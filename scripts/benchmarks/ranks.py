@@ -56,7 +56,7 @@ def measure(effort: Effort) -> list[Table]:
 def _timed(number: int, quick: bool) -> dict[str, list[float]]:
     answer = over_ranks(number, __file__, "quick" if quick else "full")
     if answer is None:
-        raise RuntimeError("two ranks need an mpirun: pip install 'gfmdlayer[mpich]'")
+        raise RuntimeError("two ranks need an mpirun: pip install 'gfmdlayer[mpi]'")
     return dict(json.loads(answer))
 
 

@@ -85,7 +85,7 @@ def measure(effort: Effort) -> list[Table]:
             }
             for way, each in least.items()
         ]
-    note = "Two ranks need an mpirun: pip install 'gfmdlayer[mpich]'."
+    note = "Two ranks need an mpirun: pip install 'gfmdlayer[mpi]'."
     return [Table("slabs", "One surface on two threads and on two MPI ranks", rows, note)]
 
 

@@ -185,7 +185,7 @@ def _processes(effort: Effort) -> Table:
         "the least of the repetitions. With jobs=2 the second process starts after a second."
     )
     if "two ranks" not in ways:
-        note += " Two ranks need an mpirun: pip install 'gfmdlayer[mpich]'."
+        note += " Two ranks need an mpirun: pip install 'gfmdlayer[mpi]'."
     return Table("sweep-processes", f"A sweep of {effort.cases} cases in one process and in two", table, note)
 
 
