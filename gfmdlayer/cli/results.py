@@ -35,7 +35,7 @@ KINDS = {
 }
 # The kinds of figure that take an option; None stands for no --kind: the curves and the snapshots.
 KINDS_WITH: dict[str, tuple[str | None, ...]] = {
-    "log": (None, "curves"),
+    "log": (None, "curves", "map"),
     "log_time": (None, "curves"),
     "times": (None, "snapshots", "stick", "inside", "waterfall", "movie"),
     "inset": (None, "curves"),
@@ -64,8 +64,10 @@ def _options_of_plot(parser: argparse.ArgumentParser) -> None:
     text = """
     --style {paper,screen}  paper: for a journal (default); screen: for a talk (default of movies)
     --case N  draw the snapshots of this case
-    --log AXES  logarithmic axes of the curves: x, y, x,y or none (default: time, where the durations of the
-      cases differ more than thirtyfold)
+    --labels {words,symbols} = words  axes in words with the symbol behind, or the symbol alone
+    --columns  list the columns of the results, with unit and meaning, and draw nothing
+    --log AXES  logarithmic axes: x, y, x,y or none; z: the colours of a map (default: time, where the
+      durations of the cases differ more than thirtyfold; of a map as the values are spread)
     --log-time  --log x of curves over time
     --times T ...  draw the snapshots of these times, all of them (default: of very many, some)
     --inset T ...  draw punch and surface at these snapshot times in an inset of the curves
@@ -90,8 +92,8 @@ def _options_of_plot(parser: argparse.ArgumentParser) -> None:
 def _axes(text: str) -> tuple[str, ...]:
     """Return the names of axes; an error of the parser for other words."""
     names = tuple(text.split(",")) if text != "none" else ()
-    if not set(names) <= {"x", "y"}:
-        raise argparse.ArgumentTypeError(f"got {text!r}; must be x, y, x,y or none")
+    if not set(names) <= {"x", "y", "z"}:
+        raise argparse.ArgumentTypeError(f"got {text!r}; must be x, y, z, some of them as x,y, or none")
     return names
 
 
@@ -131,10 +133,13 @@ def plot(options: argparse.Namespace) -> int:
         return refuse(str(error))
     if options.fps is not None and not 1 <= options.fps <= MOST_FRAMES:
         return refuse(f"--fps: got {options.fps}; must be a whole number from 1 to {MOST_FRAMES}")
+    if options.columns:
+        print(_table_of_columns(Path(options.path)))
+        return COMPLETE
     from gfmdlayer.figures.plots import plot_results
 
     given = {name: getattr(options, name) for name in ("kind", "case", "times", "log", "log_time", "inset")}
-    given |= {name: getattr(options, name) for name in ("y", "z", "fps", "trust")}
+    given |= {name: getattr(options, name) for name in ("y", "z", "fps", "trust", "labels")}
     style = options.style or ("screen" if options.kind == "movie" else "paper")
     more = {"x": options.x or "", "style": style, "time": time, "select": selected}
     for picture in plot_results(options.path, options.out, **given, **more):
@@ -143,9 +148,23 @@ def plot(options: argparse.Namespace) -> int:
     return COMPLETE
 
 
+def _table_of_columns(path: Path) -> str:
+    """Return the columns of results and the numbers of their cases, each with its unit and meaning."""
+    from gfmdlayer.results.reader import open_case, open_results
+
+    with open_case(path) if path.is_file() else open_results(path) as results:
+        every = {
+            str(name): each.attrs for name, each in results.variables.items() if "long_name" in each.attrs
+        }
+    rows = [(name, str(each.get("units", "1")), str(each["long_name"])) for name, each in every.items()]
+    wide = [max(len(row[i]) for row in rows) for i in (0, 1)]
+    return "\n".join(f"{name:{wide[0]}}  {unit:{wide[1]}}  {meaning}" for name, unit, meaning in rows)
+
+
 _REPORT = """
 path DIR  results folder, or the file of one case
 --out PATH  the page, .html, or folder for it (default: DIR/report.html)
+--format {html,md,csv} = html  md: warnings and the table of cases in Markdown; csv: the table alone
 """
 
 
@@ -159,12 +178,12 @@ def report(options: argparse.Namespace) -> int:
 
     path = Path(options.path)
     if path.is_file():
-        out = path.with_name(f"{path.stem}-report.html")
+        out = path.with_name(f"{path.stem}-report.{options.format}")
         open_case(path).close()  # refuses a file that is no case
         number = int(path.stem) if path.stem.isdecimal() else 0
         cases, title, config = [Listed(number, path, {})], path.stem, ""
     else:
-        out, folder = path / "report.html", Folder(path)
+        out, folder = path / f"report.{options.format}", Folder(path)
         cases, title = _listed(folder), path.resolve().name
         config = folder.config.read_text(encoding="utf-8", errors="replace")
     print(write_report(cases, output_file(options.out, out), title, config))

@@ -187,7 +187,7 @@ def _of_the_punch(punch: Any) -> Iterator[Mistake]:
 
 GEOMETRIES: Mapping[str, Geometry] = {  # the first is the default
     "periodic": Geometry(
-        "gfmdlayer.case.case:Case", 16384, True, _problems_in_a_cell, _plainly_possible_in_a_cell
+        "gfmdlayer.case.case:Case", 1024, True, _problems_in_a_cell, _plainly_possible_in_a_cell
     ),
     "axisymmetric": Geometry(
         "gfmdlayer.indentation.model:IsolatedContact",

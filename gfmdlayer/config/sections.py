@@ -128,8 +128,8 @@ class Time(Section):
 
     end: Positive = 8.0
     """end of the run; default: the end of the approach_retract path: time"""
-    step: Step = 0.005
-    """time step; adaptive: steps to the tolerance below: time"""
+    step: Step = "adaptive"
+    """time step; adaptive, the default: steps to the tolerance below: time"""
     integrator: Annotated[str, Word("backward_euler", "exponential")] = "exponential"
     """exponential (second order), or backward_euler as in the paper"""
     tolerance: Optional = Field(default_factory=lambda data: 1e-4 if data.get("step") == "adaptive" else None)
@@ -145,7 +145,10 @@ class Time(Section):
     def problems(self) -> Iterator[Mistake]:
         """Refuse an integrator that cannot adapt its steps, and steps that do not end at `end`."""
         if self.step == "adaptive":
-            if self.integrator == "backward_euler":
+            if self.integrator == "backward_euler" and "step" not in self.model_fields_set:
+                message = "missing; must be a number > 0: the steps of backward_euler are equal"
+                yield Mistake(("step",), message, ("integrator",))
+            elif self.integrator == "backward_euler":
                 allowed = "must be exponential, which estimates its error"
                 message = f"got backward_euler with step: adaptive; {allowed}"
                 yield Mistake(("integrator",), message, ("step",))

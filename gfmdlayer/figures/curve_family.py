@@ -51,10 +51,12 @@ class Scale(NamedTuple):
         values: Sequence[Any],
         drawn: Quantity = Quantity(""),  # noqa: B008
         *,
-        log: bool = False,
+        log: bool | None = None,
         measured: bool = False,
     ) -> Scale:
         """Find the scale on which the median lies nearest to the middle; text and infinity lie in order.
+
+        With `log` it is logarithmic, or linear, as asked.
 
         So do values of which one is zero, where a logarithm would suit the others, as colours; not where
         distances are `measured`, along an axis: there equal ones would show a wrong law.
@@ -67,7 +69,7 @@ class Scale(NamedTuple):
             positive = np.array([each for each in unique if each > 0])
             if np.isfinite(numbers).all():
                 middle = [_off_middle(each) for each in (np.log(positive), np.asarray(unique))]
-                is_log = log or (unique[0] >= 0 and middle[0] < middle[1])
+                is_log = unique[0] >= 0 and middle[0] < middle[1] if log is None else log
                 if unique[0] > 0 or not is_log or (measured and not log):
                     return cls("log" if is_log and unique[0] > 0 else "linear", numbers, [], [], drawn)
             drawn = drawn.fit(unique) if drawn.unit else drawn

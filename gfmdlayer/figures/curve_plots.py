@@ -37,6 +37,7 @@ from gfmdlayer.figures.selection import (
     notes,
     rows,
     swept,
+    varying,
     with_values,
 )
 from gfmdlayer.figures.snapshots import Inset
@@ -89,8 +90,8 @@ def curves_figure(
     x : str
         Time, a column, or a swept key.
     y : sequence of str
-        Columns; by default interpolated contact area and mean pressure, or depth under a prescribed load, and
-        friction.
+        Columns; by default interpolated contact area and mean pressure, or depth under a prescribed load,
+        friction and temperature, without those that do not vary.
     time : float or {"end", "max", "min"}, optional
         Against a swept key: a time in the units of the configuration, or the extremes over time; by default
         the end.
@@ -108,6 +109,9 @@ def curves_figure(
     dataset, y = each_place(dataset, y)
     asked = [column_name(dataset, name, of_cases=bool(along)) for name in y]
     names, empty = with_values(dataset, asked, default_columns(dataset))
+    if not asked:
+        names, constant = varying(dataset, names)
+        empty += constant
     x = along or column_name(dataset, x)
     for given, needed, name in ((log_time or inset, "time", "log_time or inset"), (time, along, "time")):
         if given and x != needed:
@@ -196,10 +200,12 @@ def _draw_against_key(
 ) -> list[str]:
     """Draw a column at a time against a swept key, a failed case being a gap in the line; say the time."""
     key, up = drawn.sweep[x], quantity(drawn.sweep[y], drawn.sweep.attrs)
-    scale = Scale.of(key.to_numpy().tolist(), quantity(key), log="x" in log, measured=True)
+    scale = Scale.of(key.to_numpy().tolist(), quantity(key), log="x" in log or None, measured=True)
     order = np.argsort(scale.positions, kind="stable")
     row, when = at_time(drawn.sweep, y, time)
     if key.dims == ("case",):
+        if len({*scale.positions.tolist()}) == key.size:  # keys that vary together: the cases are one curve
+            axes.plot(scale.positions[order], row.to_numpy()[order] / up.scale, color="0.7", zorder=1)
         axes.scatter(scale.positions, row / up.scale, s=12, color=[curve.colour for curve in drawn.curves])
     else:
         for curve in drawn.curves:

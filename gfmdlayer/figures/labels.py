@@ -1,7 +1,10 @@
-r"""Labels of the figures: symbols, values, and units with their prefixes.
+r"""Labels of the figures: words and symbols, values, and units with their prefixes.
 
-Symbols of swept keys come from the attribute `symbol` of the results, symbols of other variables from there
-or from the paper. Where the configuration names its units (`units: {length: m, ...}`), values are drawn in
+An axis has words with the symbol behind, "mean pressure $\bar{p}$ (MPa)", or the symbol alone. The words are
+the first part of what a column means (`long_name`), or shorter ones below. Symbols of swept keys come from
+the attribute `symbol` of the results, symbols of other variables from there or from the paper.
+
+Where the configuration names its units (`units: {length: m, ...}`), values are drawn in
 them: "$u$ (µm)". Where it does not, they are divided by the scales of the paper, "$u/L$", "$p/G_0$",
 "$t/\tau$": the attributes L (period along x), G0 and tau of the results. A quantity whose scale the cases do
 not share keeps the numbers of the configuration, and its symbol has no scale.
@@ -12,10 +15,12 @@ from __future__ import annotations
 import math
 import re
 import textwrap
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from contextvars import ContextVar
 from fractions import Fraction
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 from matplotlib import rcParams
 from matplotlib.axis import Axis, XAxis
@@ -46,6 +51,71 @@ PAPER_SYMBOLS = {column.name: column.symbol for column in _COLUMNS if column.sym
     "largest_shear": r"\tau_\mathrm{max}",
     "shear_on_plane": r"\tau_z",
 }
+# Words on an axis, where the first part of the meaning is too long for it, or is no name.
+WORDS = {
+    "contact_area": "contact area / nominal area",
+    "contact_area_interpolated": "contact area / nominal area",
+    "contact_area_error": "error of the contact area",
+    "mean_pressure": "mean pressure",
+    "mean_stress": "mean pressure",
+    "area_error": "error of the contact area",
+    "attractive_area": "attracted area / nominal area",
+    "attracted_area": "attracted area",
+    "energy_residual": "residual of the energies",
+    "residual": "residual of the contact problem",
+    "stick_area": "sticking area",
+    "yielded_area": "yielded area",
+    "tangential_displacement": "tangential displacement",
+    "drag_force": "drag",
+    "creepage": "creepage",
+    "lateral_creepage": "lateral creepage",
+    "friction": "friction coefficient",
+    "interface_friction": "friction of the interface",
+    "hysteresis_friction": "friction by hysteresis",
+    "shift_factor": "shift factor",
+    "flow_bruggeman": "flow by Bruggeman's medium",
+    "flow_xx": "flow along x",
+    "flow_xy": "flow along x by a drop along y",
+    "flow_yy": "flow along y",
+    "hydraulic_gap_x": "hydraulic gap along x",
+    "hydraulic_gap_y": "hydraulic gap along y",
+    "critical_gap_x": "critical gap along x",
+    "critical_gap_y": "critical gap along y",
+    "throat_points_x": "points across the throat, x",
+    "throat_points_y": "points across the throat, y",
+    "spot_radius": "radius of an equal spot",
+    "resistance": "resistance",
+    "transforms": "pairs of transforms",
+    "rejected": "rejected attempts",
+    "displacement": "displacement",
+    "pressure": "pressure",
+    "gap": "gap",
+    "traction": "traction",
+    "stress_zz": "normal stress along z",
+    "slip_velocity_x": "slip velocity along x",
+    "slip_velocity_y": "slip velocity along y",
+    "displacement_body": "displacement of the body",
+    "displacement_counterbody": "displacement of the counterbody",
+    "shear_x": "shear traction along x",
+    "shear_y": "shear traction along y",
+    "snapshot": "time",
+    "x": "",
+    "y": "",
+}  # fmt: skip
+Labels = Literal["words", "symbols"]
+_labels: ContextVar[Labels] = ContextVar("labels", default="words")
+
+
+@contextmanager
+def labelled(labels: Labels) -> Iterator[None]:
+    """Write words with the symbol behind on axes and bars within the block, or symbols alone."""
+    before = _labels.set(labels)
+    try:
+        yield
+    finally:
+        _labels.reset(before)
+
+
 # Last parts of keys, inside a section that is swept as a whole -> symbol; KINDS have none.
 SYMBOLS_OF_KEYS = {key.rpartition(".")[2]: symbol for key, (_, symbol) in reversed(SYMBOLS.items())}
 KINDS = ("shape", "model", "kind", "law", "method")
@@ -63,6 +133,15 @@ def symbol(array: DataArray) -> str:
     if total is not None and total.symbol and array.attrs.get("long_name") == total.long_name:
         return f"${total.symbol}$"  # an isolated contact has another one under the same name
     return f"${PAPER_SYMBOLS[name]}$" if name in PAPER_SYMBOLS else name.replace("_", " ")
+
+
+def words_of(array: DataArray) -> str:
+    """Return what an axis calls a variable or swept key; nothing where the symbol says it."""
+    name = str(array.name).removesuffix(OVER_TIME)
+    if name in WORDS and "key" not in array.attrs:
+        return WORDS[name]
+    said = str(array.attrs.get("long_name", ""))
+    return re.split(r",| \(", said, maxsplit=1)[0] or name.replace("_", " ")
 
 
 def mathtext(plain: str) -> str:
@@ -176,6 +255,7 @@ class Quantity(NamedTuple):
     unit: str = ""  # as in the files: um, N/m, m^2
     scale: float = 1.0
     power: int = 0  # of ten, of the written numbers
+    words: str = ""  # before the symbol, where axes have words
 
     def fit(self, values: Iterable[float]) -> Quantity:
         """Return it with the power of ten of values, which are already divided by the scale."""
@@ -183,11 +263,12 @@ class Quantity(NamedTuple):
 
     @property
     def label(self) -> str:
-        """Label of an axis: symbol and unit, "$u$ (µm)"."""
+        """Label of an axis: words, symbol and unit, "displacement $u$ (µm)", or the latter two."""
+        words = f"{self.words} " if self.words and _labels.get() == "words" else ""
         unit = prefixed(self.unit, self.power)
         if unit is None:
             unit = rf"$10^{{{self.power}}}$ {self.unit}".rstrip()
-        return f"{self.symbol} ({mathtext_units(unit)})" if unit else self.symbol
+        return f"{words}{self.symbol} ({mathtext_units(unit)})" if unit else f"{words}{self.symbol}"
 
     def numbers(self, values: Sequence[Any]) -> list[str]:
         """Write values for ticks, in the power of ten of the label; fractions are for pure numbers."""
@@ -219,15 +300,17 @@ def quantity(array: DataArray, scales: Mapping[str, Any] = MappingProxyType({}))
     Its attribute `units` is "m", say, or a product of length, pressure and time; `scales` has L, G0 and tau.
     Swept keys keep the numbers of the configuration.
     """
-    factors = _factors(str(array.attrs.get("units", "1")))
+    factors, sign = _factors(str(array.attrs.get("units", "1"))), symbol(array)
+    words = words_of(array)
+    if not sign.startswith("$"):
+        sign, words = words if _labels.get() == "words" else sign, ""
     if not factors.keys() <= SCALES.keys():
-        return Quantity(symbol(array), str(array.attrs["units"]))
+        return Quantity(sign, str(array.attrs["units"]), words=words)
     if "key" in array.attrs or any(SCALES[factor][0] not in scales for factor in factors):
-        return Quantity(symbol(array))
+        return Quantity(sign, words=words)
     scale = math.prod(float(scales[SCALES[factor][0]]) ** power for factor, power in factors.items())
-    return Quantity(
-        _over(symbol(array), {SCALES[factor][1]: power for factor, power in factors.items()}), "", scale
-    )
+    divided = _over(sign, {SCALES[factor][1]: power for factor, power in factors.items()})
+    return Quantity(divided, "", scale, words=words)
 
 
 def _factors(units: str) -> dict[str, int]:
@@ -349,6 +432,7 @@ def finish(figure: Figure, notes: Sequence[str] = ()) -> None:
                 ticks.quantity = ticks.quantity.fit(axis.get_view_interval())
                 axis.set_label_text(ticks.quantity.label if axis.get_label_text() else "")
         _part_ticks(axes.xaxis)
+        _part_label(axes)
     if notes:
         lines = _lines(notes, figure.get_figwidth())
         if len(lines) > _MOST_LINES and any(map(is_warning, notes)):
@@ -363,6 +447,7 @@ def is_warning(note: str) -> bool:
     return note.startswith("warning: ") or "more warning" in note
 
 
+_WIDTH = 0.55  # of a letter, relative to the height of the font
 _MOST_LINES = 3  # with warnings: panels stay legible
 
 
@@ -379,6 +464,22 @@ def _part_ticks(axis: XAxis) -> None:
             )
 
 
+def _part_label(axes: Axes) -> None:
+    """Break the label of an upright axis where it is longer than the axis; three lines are smaller."""
+    label = axes.yaxis.label
+    height = axes.get_window_extent().height * 72 / axes.figure.dpi
+    room = max(height / (_WIDTH * label.get_fontsize()), SHORT_TICK)
+    if _letters(label.get_text()) <= room:
+        return
+    lines = [""]
+    for word in label.get_text().split():
+        longer = f"{lines[-1]} {word}".lstrip()
+        lines[-1:] = [longer] if _letters(longer) <= room or not lines[-1] else [lines[-1], word]
+    label.set_text("\n".join(lines))
+    if len(lines) > 2:
+        label.set_fontsize("small")
+
+
 def explained(case: Dataset, names: Sequence[str], written: Iterable[str] = ()) -> list[str]:
     """Return notes on symbols: of variables, of swept keys in the texts, of scales that divide them.
 
@@ -388,8 +489,15 @@ def explained(case: Dataset, names: Sequence[str], written: Iterable[str] = ()) 
     keys = [str(name) for name, key in case.coords.items() if "key" in key.attrs and symbol(key) in text]
     variables = [case[name] for name in dict.fromkeys([*names, *keys]) if name in case]
     known = [variable for variable in variables if "long_name" in variable.attrs]
+    # An axis has the words; a legend the symbol alone.
+    said_there = (
+        [] if _labels.get() == "symbols" else [words_of(case[name]) for name in names if name in case]
+    )
     parts = [
-        f"{symbol(variable)}: {_meaning(variable)}" for variable in known if symbol(variable).startswith("$")
+        f"{symbol(variable)}: {_meaning(variable)}"
+        for variable in known
+        if symbol(variable).startswith("$")
+        and (_meaning(variable) not in said_there or symbol(variable) in text)
     ]
     along = [case[name] for name in ("snapshot", "x") if any(name in variable.dims for variable in variables)]
     scales = [
@@ -412,8 +520,8 @@ def _meaning(array: DataArray) -> str:
 
 
 def _lines(notes: Sequence[str], inches: float) -> list[str]:
-    """Fill lines with notes; a letter is taken to be .55 as wide as the font is high."""
-    room = inches * 72 / (0.55 * rcParams["font.size"] * font_scalings["small"])
+    """Fill lines with notes."""
+    room = inches * 72 / (_WIDTH * rcParams["font.size"] * font_scalings["small"])
     lines = [""]
     for note in notes:
         whole = _letters(note) <= room or "$" in note

@@ -6,7 +6,7 @@ Also of the parameters fitted to the curves of a force map, with their standard 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from matplotlib.colors import LogNorm, Normalize
@@ -57,6 +57,7 @@ def map_figure(
     x: str = "",
     y: str = "",
     z: Sequence[str] = (),
+    log: Sequence[Literal["x", "y", "z"]] | None = None,
 ) -> Figure:
     """Draw columns over two swept keys, at one time or at their extremes over time.
 
@@ -73,6 +74,8 @@ def map_figure(
         Swept keys, by default the first two; further keys stay at their middle values.
     z : sequence of str
         Columns, by default the first two of the curves.
+    log : sequence of {"x", "y", "z"}, optional
+        Logarithmic axes, and colours (z), all others linear; by default each as its values are spread.
 
     Returns
     -------
@@ -101,9 +104,9 @@ def map_figure(
             axes, up = panels.flat[i], quantity(sweep[name], sweep.attrs)
             values, when = at_time(sweep, name, time)
             if values.dims == ("case",):
-                _draw_dots(axes, values / up.scale, x, y, up)
+                _draw_dots(axes, values / up.scale, x, y, up, log)
             else:
-                draw_quantity(axes, (values / up.scale).transpose(x, y), up)
+                draw_quantity(axes, (values / up.scale).transpose(x, y), up, log)
             axes.set_title(f"({chr(ord('a') + i % 26)})  {when}".rstrip(), loc="left")
             if i % across:
                 axes.set_ylabel("")
@@ -129,10 +132,16 @@ def _axes(sweep: Dataset, x: str, y: str) -> tuple[str, str]:
     return x, y
 
 
-def _draw_dots(axes: Axes, values: DataArray, x: str, y: str, drawn: Quantity) -> None:
+Log = Sequence[Literal["x", "y", "z"]] | None
+
+
+def _draw_dots(axes: Axes, values: DataArray, x: str, y: str, drawn: Quantity, log: Log) -> None:
     """Draw a dot for each case of a list; one that failed is an open circle."""
     across, up = (
-        Scale.of(values[name].to_numpy().tolist(), quantity(values[name]), measured=True) for name in (x, y)
+        Scale.of(
+            values[name].to_numpy().tolist(), quantity(values[name]), log=_asked(log, axis), measured=True
+        )
+        for name, axis in ((x, "x"), (y, "y"))
     )
     lost = np.isnan(values.to_numpy())
     dots = axes.scatter(
@@ -140,13 +149,18 @@ def _draw_dots(axes: Axes, values: DataArray, x: str, y: str, drawn: Quantity) -
         up.positions[~lost],
         c=values.to_numpy()[~lost],
         cmap="viridis",
-        norm=_norm(values.to_numpy()),
+        norm=_norm(values.to_numpy(), drawn, _asked(log, "z")),
         s=18,
     )
     axes.scatter(across.positions[lost], up.positions[lost], s=18, facecolors="none", edgecolors="0.6")
     _draw_bar(axes, dots, drawn)
     across.apply(axes, "x")
     up.apply(axes, "y")
+
+
+def _asked(log: Log, axis: Literal["x", "y", "z"]) -> bool | None:
+    """Whether an axis must be logarithmic, must not, or may be either."""
+    return None if log is None else axis in log
 
 
 def _draw_bar(axes: Axes, drawn_in: ScalarMappable, drawn: Quantity) -> int:
@@ -195,22 +209,24 @@ def _fitted(parameter: DataArray) -> Quantity:
     return quantity(parameter)._replace(symbol=str(parameter.name))
 
 
-def draw_quantity(axes: Axes, values: DataArray, drawn: Quantity) -> None:
+def draw_quantity(axes: Axes, values: DataArray, drawn: Quantity, log: Log = None) -> None:
     """Draw values along two swept keys, the first along x, and a colour bar beside the panel.
 
     Numbers stand where they are on a linear or a logarithmic axis; the cell of each reaches half the way to
     its neighbours. Cases without a value are hatched.
     """
     scales = []
-    for name in values.dims:
+    for name, axis in zip(values.dims, ("x", "y"), strict=True):
         known = values[name].to_numpy().tolist()
         along = quantity(values[name])
         along = along.fit(known) if along.unit and values[name].dtype.kind in "if" else along
         values = values.isel({name: sorted(range(len(known)), key=known.__getitem__)})
-        scales.append(Scale.of(sorted(known), along, measured=len(known) > 1))
+        scales.append(Scale.of(sorted(known), along, log=_asked(log, axis), measured=len(known) > 1))  # type: ignore[arg-type]
     cells, edges = values.to_numpy().T, [_edges(scale) for scale in scales]
     axes.patch.set(facecolor="white", hatch="////", edgecolor="0.8")
-    mesh = axes.pcolormesh(*edges, np.ma.masked_invalid(cells), cmap="viridis", norm=_norm(cells))
+    mesh = axes.pcolormesh(
+        *edges, np.ma.masked_invalid(cells), cmap="viridis", norm=_norm(cells, drawn, _asked(log, "z"))
+    )
     power = _draw_bar(axes, mesh, drawn)
     for scale, name, ends in zip(scales, ("x", "y"), edges, strict=True):
         scale.apply(axes, name)  # type: ignore[arg-type]
@@ -231,10 +247,15 @@ def _edges(scale: Scale) -> FloatArray:
     return np.asarray(np.exp(ends) if scale.kind == "log" else ends)
 
 
-def _norm(values: FloatArray) -> Normalize:
+def _norm(values: FloatArray, drawn: Quantity, log: bool | None) -> Normalize:
     """Return a logarithmic scale of colours for values that are spread over decades, else a linear one."""
     finite: list[float] = values[np.isfinite(values)].tolist()
-    if finite and min(finite) > 0 and max(finite) > WIDE * min(finite) and Scale.of(finite).kind == "log":
+    if log and not any(value > 0 for value in finite):
+        raise ResultsError(f"log z: {drawn.symbol} has no positive value; draw it without")
+    if log:  # cells that are not positive are masked
+        return LogNorm(min(value for value in finite if value > 0), max(finite))
+    spread = finite and min(finite) > 0 and max(finite) > WIDE * min(finite)
+    if log is None and spread and Scale.of(finite).kind == "log":
         return LogNorm(min(finite), max(finite))
     return Normalize(min(finite, default=0.0), max(finite, default=1.0))
 

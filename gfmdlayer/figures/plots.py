@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
+from functools import partial
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Literal
@@ -13,6 +14,7 @@ from gfmdlayer.figures.body_plot import body_figure, config_of
 from gfmdlayer.figures.convergence_plot import convergence_figure
 from gfmdlayer.figures.curve_plots import curves_figure, loop_figure
 from gfmdlayer.figures.field_plots import inside_figure, stick_figure
+from gfmdlayer.figures.labels import Labels, labelled
 from gfmdlayer.figures.map_plots import fit_map_figure, map_figure
 from gfmdlayer.figures.movies import default_suffix, write_movie
 from gfmdlayer.figures.plot_style import STYLES, check_suffix, save
@@ -35,6 +37,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from xarray import Dataset
 
+MOST_PAGES = 20  # of snapshots
+
 Kind = Literal[
     "curves", "loop", "snapshots", "stick", "inside", "waterfall", "map", "movie", "body", "convergence"
 ]  # fmt: skip
@@ -53,10 +57,11 @@ def plot_results(
     time: Time | None = None,
     times: Sequence[float] = (),
     inset: Sequence[float] = (),
-    log: Sequence[Literal["x", "y"]] | None = None,
+    log: Sequence[Literal["x", "y", "z"]] | None = None,
     log_time: bool = False,
     fps: int | None = None,
     style: Literal["paper", "screen"] = "paper",
+    labels: Labels = "words",
     trust: bool = False,
 ) -> list[Path]:
     """Draw results and write the pictures, as `gfmdlayer plot` does.
@@ -69,7 +74,8 @@ def plot_results(
         A .png, .pdf or .svg (a movie: .mp4, which needs ffmpeg, or .gif). By default it is named after the
         results and lies with them.
     kind : str, optional
-        curves: columns against time; loop: force against depth; snapshots: the surface at the snapshot times;
+        curves: columns against time; loop: force against depth; snapshots: the surface at the snapshot times,
+        of more than six cases on further pages, NAME-snapshots-2 and so on;
         stick: where the surfaces stick and slip; inside: stresses below the surface; waterfall: pressure
         profiles through time; map: columns over two swept keys; movie: displacement and pressure; body: the
         layers and their moduli; convergence: the errors that `gfmdlayer.converge` estimated. By default the
@@ -89,14 +95,16 @@ def plot_results(
     times, inset : sequence of float
         Times in the units of the configuration: of the only snapshots that are drawn, and of those in the
         inset of the curves.
-    log : sequence of {"x", "y"}, optional
-        Logarithmic axes of the curves.
+    log : sequence of {"x", "y", "z"}, optional
+        Logarithmic axes of the curves, or of a map, whose colours are z.
     log_time : bool
         The same as `log` of "x", over time.
     fps : int, optional
         Frames of a movie in a second.
     style : {"paper", "screen"}
         For the columns of a journal, or for a talk.
+    labels : {"words", "symbols"}
+        Axes and bars in words with the symbol behind, or by the symbol alone.
     trust : bool
         Of the body of results: run the Python code that they name; without it such a body is refused.
 
@@ -112,19 +120,20 @@ def plot_results(
     """
     path, look = Path(path), STYLES[style]
     kind = kind or ("curves" if x or y else None)
-    if kind == "body":
-        picture = path.with_name(f"{path.stem}-body.png") if path.is_file() else path / "body.png"
-        picture = output_file(out, picture)
-        check_suffix(picture)
-        config, title = config_of(path, case, trust=trust)
-        save(body_figure(config, look, title), picture, look)
-        return [picture]
-    if kind == "convergence":
-        picture = output_file(out, (path.parent if path.is_file() else path) / "convergence.png")
-        check_suffix(picture)
-        save(convergence_figure(open_convergence(path).data, look, y), picture, look)
-        return [picture]
     with ExitStack() as stack:
+        stack.enter_context(labelled(labels))
+        if kind == "body":
+            picture = path.with_name(f"{path.stem}-body.png") if path.is_file() else path / "body.png"
+            picture = output_file(out, picture)
+            check_suffix(picture)
+            config, title = config_of(path, case, trust=trust)
+            save(body_figure(config, look, title), picture, look)
+            return [picture]
+        if kind == "convergence":
+            picture = output_file(out, (path.parent if path.is_file() else path) / "convergence.png")
+            check_suffix(picture)
+            save(convergence_figure(open_convergence(path).data, look, y), picture, look)
+            return [picture]
         opened = stack.enter_context(open_case(path) if path.is_file() else open_results(path))
         if "fitted" in opened.attrs:
             if kind not in (None, "map"):
@@ -134,7 +143,7 @@ def plot_results(
         dataset = selection.select(opened, select)
         cases: dict[str, Dataset] = {}
         if inset or kind not in ("curves", "loop", "map"):
-            most = MOST_CASES if kind in (None, "snapshots") else 1
+            most = MOST_CASES if kind is None else MOST_CASES * MOST_PAGES if kind == "snapshots" else 1
             cases = stack.enter_context(cases_with_snapshots(path, dataset, case, most))
             if not cases and (inset or kind is not None):
                 raise ResultsError(f"{path}: no snapshots; set output.snapshots and run the config again")
@@ -142,7 +151,8 @@ def plot_results(
                 cases = {title: at_times(each, sorted(set(times))) for title, each in cases.items()}
         cases, others = of_one_kind(cases)
         among = dataset["case"].size if "case" in dataset.coords else 1
-        said = [*notes(dataset), *[f"{len(cases)} of {among} cases{others}"] * (len(cases) < among)]
+        rest = others or "; --kind snapshots draws more" * (kind is None and len(cases) == MOST_CASES)
+        said = [*notes(dataset), *[f"{len(cases)} of {among} cases{rest}"] * (len(cases) < among)]
         title, first = next(iter(cases.items()), ("", dataset))
         ending = "" if kind in (None, "movie") else f"-{kind}"
         if kind in (None, "curves"):
@@ -156,29 +166,46 @@ def plot_results(
             return [picture]
         check_suffix(picture)
         about = (title, look, said)
+        titles = list(cases)
+        parts = [titles[i : i + MOST_CASES] for i in range(0, len(titles), MOST_CASES)] or [[]]
+        pages = [{each: cases[each] for each in part} for part in parts]
+
+        def page(at: int) -> Figure:
+            of_all = [f"page {at + 1} of {len(pages)}"] * (len(pages) > 1)
+            return snapshots_figure(pages[at], look, [*of_all, *said], every=bool(times))
+
         along = "time" if inset or log_time else selection.default_abscissa(dataset)
         draw: dict[Kind, Callable[[], Figure]] = {
             "curves": lambda: curves_figure(
-                dataset, style=look, log=log, log_time=log_time, x=x or along, y=y, time=time,
+                dataset, style=look, log=_of_curves(log), log_time=log_time, x=x or along, y=y, time=time,
                 inset=Inset.of(first, inset) if inset else None,
             ),
             "loop": lambda: loop_figure(path, dataset, look, _one(y, "a loop") or "force"),
-            "snapshots": lambda: snapshots_figure(cases, look, said, every=bool(times)),
+            "snapshots": lambda: page(0),
             "stick": lambda: stick_figure(first, *about, every=bool(times)),
             "inside": lambda: inside_figure(first, _one(z, "a section"), *about, every=bool(times)),
             "waterfall": lambda: waterfall_figure(first, *about, every=bool(times)),
             "map": lambda: (
                 fit_map_figure(dataset, look, z)
                 if "fitted" in dataset.attrs
-                else map_figure(dataset, time, look, x=x, y=_one(y, "a map"), z=z)
+                else map_figure(dataset, time, look, x=x, y=_one(y, "a map"), z=z, log=log)
             ),
         }  # fmt: skip
         pictures = {picture: draw[kind or "curves"]}
         if kind is None and cases:
             pictures[picture.with_stem(f"{picture.stem}-snapshots")] = draw["snapshots"]
+        for further in range(1, len(pages)):
+            pictures[picture.with_stem(f"{picture.stem}-{further + 1}")] = partial(page, further)
         for file, figure in pictures.items():
             save(figure(), file, look)
         return list(pictures)
+
+
+def _of_curves(log: Sequence[Literal["x", "y", "z"]] | None) -> list[Literal["x", "y"]] | None:
+    """Return the logarithmic axes of curves, which have no z."""
+    if log and "z" in log:
+        raise ResultsError("log z: only of a map")
+    return None if log is None else [axis for axis in log if axis != "z"]
 
 
 def _one(names: Sequence[str], figure: str) -> str:

@@ -26,6 +26,7 @@ Time = float | Literal["end", "max", "min"]
 Wanted = str | float | tuple[float, float]
 INTERPOLATED = "contact_area_interpolated"
 MOST_NAMED = 3  # failed cases
+SAME_VALUE = 1e-12  # relative difference of values that rounding tells apart
 MOST_WARNINGS = 1  # below a figure
 
 
@@ -314,6 +315,17 @@ def with_values(dataset: Dataset, asked: Sequence[str], usual: Sequence[str]) ->
         raise ResultsError(f"{', '.join(empty)}: no value to draw, NaN in every row{why}")
     shown = [name for name in asked or usual if name not in empty]
     return shown, [f"{', '.join(empty)}: no value in any row".replace("_", " ")] * bool(empty)
+
+
+def varying(dataset: Dataset, names: Sequence[str]) -> tuple[list[str], list[str]]:
+    """Return the columns that vary over rows and cases, all if none does, and notes with the other values."""
+    ends = {name: (float(dataset[name].min()), float(dataset[name].max())) for name in names}
+    same = [name for name, (low, high) in ends.items() if high - low <= SAME_VALUE * abs(high)]
+    if len(same) == len(names):
+        return list(names), []
+    held = {name: quantity(dataset[name], dataset.attrs) for name in same}
+    said = [each.equals([float(f"{ends[name][1] / each.scale:.6g}")])[0] for name, each in held.items()]
+    return [name for name in names if name not in same], [f"constant: {', '.join(said)}"] * bool(said)
 
 
 def at_time(dataset: Dataset, name: str, time: Time | None) -> tuple[DataArray, str]:

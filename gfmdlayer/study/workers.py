@@ -213,9 +213,9 @@ def world(size: int) -> Any:
         from mpi4py import MPI
     except (ImportError, RuntimeError) as error:
         raise LauncherError(
-            f"started by an MPI launcher, but MPI does not load ({error}): install mpi4py and the MPI library "
-            "that the launcher belongs to, or `pip install 'gfmdlayer[mpi]'` and use the mpirun that comes with "
-            "it"
+            f"started by an MPI launcher, but MPI does not load ({error}): install mpi4py and the MPI "
+            "library that the launcher belongs to, or `pip install 'gfmdlayer[mpi]'` and use the mpirun that "
+            "comes with it"
         ) from None
     comm = MPI.COMM_WORLD
     if size > 1 and comm.Get_size() == 1:

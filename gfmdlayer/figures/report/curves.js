@@ -89,6 +89,12 @@ function scaled(name) {
   return label.includes("/") && !label.endsWith(")") ? ` [${label}]` : "";
 }
 
+/** Whether half of the rows of a case lie in the first thirtieth of its time, as where it relaxes over decades. */
+function spansDecades(one) {
+  const times = column(one, "time");
+  return times.length > 2 && times[times.length >> 1] < times[times.length - 1] / 30;
+}
+
 function startCurves() {
   if (!COMPLETE.length) {
     byId("curves").replaceChildren(byId("curves-title"), element("p", { className: "empty", textContent: "No case is complete." }));
@@ -101,6 +107,7 @@ function startCurves() {
     const symbol = words(bare(key.symbol));
     return element("label", {}, key.meaning === key.key ? key.key : `${key.meaning}${symbol.length < 12 ? ` ${symbol}` : ""}`, list);
   }));
+  byId("log-x").checked = spansDecades(COMPLETE[0]);
   const options = PLAIN_COLUMNS.map((each) => [each.name, optionText(each)]);
   choices(byId("x"), options, "time");
   [0, 1].forEach((panel) => choices(byId(`y-${panel}`), options, DATA.shown[panel] ?? DATA.shown[0]));

@@ -32,6 +32,7 @@ from gfmdlayer.arrays import FloatArray
 from gfmdlayer.figures.convergence_plot import convergence_figure
 from gfmdlayer.figures.labels import quantity, symbol
 from gfmdlayer.figures.plot_style import CONTACT, GAP_COLOURS, PRESSURE_COLOURS, check_suffix, spread, styled
+from gfmdlayer.figures.report import summary
 from gfmdlayer.figures.selection import default_columns, value_titles
 from gfmdlayer.files.whole import is_intact, write_text
 from gfmdlayer.observables.contact import FEWEST
@@ -44,6 +45,7 @@ from gfmdlayer.results.netcdf import opened
 from gfmdlayer.results.provenance import LIBRARIES, now, provenance
 from gfmdlayer.results.reader import VERIFIED
 from gfmdlayer.results.stored import unit_of
+from gfmdlayer.study.status import duration
 from gfmdlayer.validation import text
 
 if TYPE_CHECKING:
@@ -52,8 +54,13 @@ if TYPE_CHECKING:
 
 # The cases, read from their files: thinned columns, surfaces, lists and attributes.
 
-CURVE_NUMBERS = SURFACE_NUMBERS = 1_200_000  # on a page; 6.4 MB each
-LEAST_ROWS = 64
+CURVE_NUMBERS = SURFACE_NUMBERS = 450_000  # on a page; 2.4 MB each, beside the 4.5 MB of Plotly
+LEAST_ROWS = 24
+# Left out of the curves where the page has not room for all columns of all cases.
+SECONDARY = (
+    "iterations", "rejected", "transforms", "residual", "contact_area_error", "area_error",
+    "throat_points_x", "throat_points_y", "flow_imbalance",
+)  # fmt: skip
 LEAST_POINTS = {1: 256, 2: 64 * 64}  # of a line and of a surface
 MOST_POINTS = {1: 4096, 2: 512 * 512}
 MOST_OF_LISTS = 1000  # entries
@@ -134,17 +141,27 @@ class Reader:
                 self.described[name] = _described(dataset)
         along = {name: self.described[name].dimensions for name in variables}
         columns = [name for name, axes in along.items() if axes[:1] == ("time",)]
-        each_row = sum(variables[name].size for name in columns) / max(contents.rows, 1)
+
+        def each_row(names: Sequence[str]) -> float:
+            return sum(variables[name].size for name in names) / max(contents.rows, 1)
+
+        fewest = min(LEAST_ROWS, contents.rows)
+        shown = columns
+        if len(self._files) * fewest * each_row(columns) > CURVE_NUMBERS:
+            shown = [name for name in columns if name not in SECONDARY]
         if self._with_curves is None:
-            least = max(int(min(LEAST_ROWS, contents.rows) * each_row), 1)
+            least = max(int(fewest * each_row(shown)), 1)
             self._with_curves = [self._files[i] for i in spread(len(self._files), CURVE_NUMBERS // least)]
         has_curves = number in self._with_curves
-        kept = kept_rows(contents.rows, max(int(CURVE_NUMBERS / (len(self._with_curves) * each_row)), 2))
-        for name in columns if has_curves else set(columns).intersection(IN_TABLE):
+        room = int(CURVE_NUMBERS / (len(self._with_curves) * each_row(shown)))
+        kept = kept_rows(contents.rows, max(room, 2))
+        for name in columns:
+            if name not in IN_TABLE and not (has_curves and name in shown):
+                continue
             values = variables[name][...]
             finite = np.abs(values[np.isfinite(values)])
             contents.extremes[name] = float(finite.max(initial=0.0))
-            if has_curves:
+            if has_curves and name in shown:
                 contents.columns[name] = np.asarray(values[kept], dtype=float)
         held = {"time", "snapshot", "x", "y"}
         for name, axes in along.items():
@@ -301,7 +318,7 @@ def origins(complete: Sequence[Contents]) -> dict[str, str]:
             shown[name] = choose(every)
     seconds = [float(contents.attributes.get("wall_seconds", 0.0)) for contents in complete]
     if seconds:
-        shown["seconds, all cases"] = f"{sum(seconds):.4g}"
+        shown["time, all cases"] = duration(sum(seconds))
     return shown
 
 
@@ -388,6 +405,8 @@ def payload(cases: Sequence[Listed], config: str = "") -> dict[str, Any]:
         "shown": _shown_first(columns, complete, swept),
         "fields": {name: drawn.label for name, drawn in fields.items()},
         "cases": listed,
+        "doubts": summary.doubts(listed),
+        "first": summary.looked_at_first(listed),
         "config": config or next((str(content.attributes.get("config", "")) for content in complete), ""),
         "provenance": origins(complete),
         "notes": notes(cases, complete),
@@ -523,7 +542,8 @@ def _case(
         if work and "energy_residual" in contents.extremes
         else None,
         "open": any(line.startswith(UNBALANCED) for line in warnings(contents)),
-        "seconds": plain(contents.attributes.get("wall_seconds")),
+        "seconds": (seconds := plain(contents.attributes.get("wall_seconds"))),
+        "took": "" if seconds is None else duration(float(seconds)),
         "warnings": warnings(contents),
         "facts": facts,
         "lists": [
@@ -566,28 +586,41 @@ COLOURS = 32  # of a scale; browsers interpolate
 
 
 def write_report(cases: Sequence[Listed], out: Path, title: str, config: str = "") -> Path:
-    """Write the page (.html) of a case or a sweep, over an earlier one; return its path.
+    """Write the report of a case or a sweep, over an earlier one; return its path.
 
+    It is a page (.html), or the warnings and the table of cases in Markdown (.md) or the table alone (.csv).
     `config` is the configuration; default: the first complete case's.
     """
-    check_suffix(out, (".html", ".htm"))
+    check_suffix(out, (".html", ".htm", ".md", ".csv"))
     try:
         out.parent.mkdir(parents=True, exist_ok=True)
-        write_text(out, page(payload(cases, config), title, accuracy_section(cases)))
+        data = payload(cases, config)
+        if out.suffix.lower() == ".csv":
+            written = summary.as_csv(data)
+        elif out.suffix.lower() == ".md":
+            written = summary.as_markdown(data, title, ", ".join(_worst(cases)))
+        else:
+            written = page(data, title, accuracy_section(cases))
+        write_text(out, written)
     except OSError as error:
         raise ResultsError(f"{out}: cannot be written: {error.strerror or error}") from error
     return out
 
 
-def accuracy_section(cases: Sequence[Listed]) -> str:
-    """Return a section with the worst accuracy of the cases and, if there are any, the estimated errors."""
-    place = next((case.path.parent.parent for case in cases), Path())
-    sweep, parts = place / SWEEP_FILE, list[str]()
+def _worst(cases: Sequence[Listed]) -> list[str]:
+    """Return the worst accuracy of the cases of a folder in words."""
+    sweep = next((case.path.parent.parent for case in cases), Path()) / SWEEP_FILE
     if len(cases) > 0 and cases[0].path.parent.name == "cases" and sweep.is_file():
         with suppress(OSError, KeyError, ResultsError):  # damaged
-            parts.append(
-                f'<p class="note">Worst of all cases: {escape(", ".join(worst_accuracy(sweep)))}.</p>'
-            )
+            return worst_accuracy(sweep)
+    return []
+
+
+def accuracy_section(cases: Sequence[Listed]) -> str:
+    """Return a section with the doubts, the worst accuracy of the cases, and the errors if estimated."""
+    place, parts = next((case.path.parent.parent for case in cases), Path()), list[str]()
+    if worst := _worst(cases):
+        parts.append(f'<p class="note">Worst of all cases: {escape(", ".join(worst))}.</p>')
     if (place / FILE).is_file():
         found, picture = open_convergence(place), io.StringIO()
         with suppress(ResultsError), styled():  # of errors that are all zero
@@ -595,9 +628,8 @@ def accuracy_section(cases: Sequence[Listed]) -> str:
             image = base64.b64encode(picture.getvalue().encode()).decode("ascii")
             parts.append(f'<img alt="errors by column and source" src="data:image/svg+xml;base64,{image}">')
         parts.append(f'<pre tabindex="0">{escape(str(found))}</pre>')
-    if not parts:
-        return ""
     head = '<section id="accuracy" aria-labelledby="accuracy-title">\n  <h2 id="accuracy-title">Accuracy</h2>'
+    head += '\n  <ul id="doubts"></ul>'
     return "\n".join([head, *parts, "</section>"])
 
 

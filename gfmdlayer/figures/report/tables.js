@@ -15,7 +15,7 @@ function tableColumns() {
     { head: "steps", value: (one) => one.rows && one.rows - 1 },
     { head: "largest residual", value: (one) => one.residual },
     { head: "energy balance", value: (one) => one.balance, doubtful: (one) => one.open },
-    { head: "seconds", value: (one) => one.seconds },
+    { head: "time taken", value: (one) => one.seconds, show: (one) => one.took ?? "" },
     ...facts.map((name) => ({ head: escaped(words(name)), value: (one) => one.facts?.[name] })),
   ];
   const isEmpty = (value) => value === null || value === undefined || value === "";
@@ -36,6 +36,7 @@ function sortedCases() {
 
 function tableRow(one) {
   const row = element("tr", { className: one === chosenCase && DATA.cases.length > 1 ? "chosen" : "" });
+  if (DATA.first?.[0] === one.number && DATA.cases.length > 1) row.classList.add("first");
   TABLE.forEach((each, i) => {
     const cell = element("td", { className: each.text ? "text" : "" });
     if (i === 0 && one.columns) {
@@ -106,6 +107,21 @@ function drawFacts() {
   byId("facts").replaceChildren(...shown);
 }
 
+/** What a reader should know before the curves: warnings and failures with their cases. */
+function drawDoubts() {
+  const named = (cases) => cases.slice(0, 6).flatMap((number, i) => {
+    const one = DATA.cases.find((each) => each.number === number);
+    const button = element("button", { type: "button", textContent: fileNumber(one), disabled: !one.columns });
+    button.addEventListener("click", () => choose(one));
+    return i ? [" ", button] : [button];
+  });
+  const line = (kind, text, cases) => element("li", { className: kind === "first" ? "" : "warning" }, text, DATA.cases.length > 1 ? " " : "", ...(DATA.cases.length > 1 ? named(cases) : []), cases.length > 6 ? ` and ${cases.length - 6} more` : "");
+  const lines = DATA.doubts.map((each) => line(each.kind, `${each.kind}: ${each.text}`, each.cases));
+  if (DATA.first && DATA.cases.length > 1) lines.unshift(line("first", `Look first at the case with: ${DATA.first[1]}`, [DATA.first[0]]));
+  if (!lines.length) lines.push(element("li", { className: "complete", textContent: "No warning." }));
+  byId("doubts").replaceChildren(...lines);
+}
+
 function startTables() {
   const counts = STATES.map((state) => [state, DATA.cases.filter((one) => one.state === state).length]).filter(([, count]) => count);
   const total = DATA.cases.length;
@@ -114,6 +130,7 @@ function startTables() {
   byId("state").addEventListener("change", drawTable);
   byId("cases-csv").addEventListener("click", saveCases);
   drawTable();
+  drawDoubts();
   if (chosenCase) {
     drawFacts();
     followers.push(drawFacts);
