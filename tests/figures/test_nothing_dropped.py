@@ -12,7 +12,7 @@ from PIL import Image
 
 from gfmdlayer.figures.curve_family import Scale, family
 from gfmdlayer.figures.curve_plots import curves_figure
-from gfmdlayer.figures.labels import quantity, value_labels
+from gfmdlayer.figures.labels import labelled, quantity, value_labels
 from gfmdlayer.figures.map_plots import map_figure
 from gfmdlayer.figures.movies import animated, write_movie
 from gfmdlayer.figures.plot_style import CONTACT
@@ -24,6 +24,13 @@ from tests.recordings import case_file, named
 
 TIMES = np.linspace(0.0, 4.0, 5)
 EIGHT = [0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0]
+
+
+@pytest.fixture(autouse=True)
+def symbols():
+    """Axes by their symbols alone; words before them have tests of their own."""
+    with labelled("symbols"):
+        yield
 
 
 def sweep(keys, *, listed=False, failed=(), **attributes):

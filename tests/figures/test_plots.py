@@ -12,7 +12,7 @@ from xarray import Dataset
 
 from gfmdlayer.figures import movies
 from gfmdlayer.figures.curve_plots import curves_figure
-from gfmdlayer.figures.labels import mathtext, value_labels
+from gfmdlayer.figures.labels import labelled, mathtext, value_labels
 from gfmdlayer.figures.map_plots import map_figure
 from gfmdlayer.figures.plot_style import PAPER, SCREEN, colours
 from gfmdlayer.figures.plots import plot_results
@@ -24,6 +24,13 @@ from tests.recordings import case_file, named
 
 X = np.linspace(-0.5, 0.5, 64, endpoint=False)
 THICKNESSES = [0, 1 / 32, 1 / 16, float("inf")]
+
+
+@pytest.fixture(autouse=True)
+def symbols():
+    """Axes by their symbols alone; words before them have tests of their own."""
+    with labelled("symbols"):
+        yield
 
 
 def write_case(path, *, snapshots=True, about=None):
