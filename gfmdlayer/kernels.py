@@ -152,16 +152,33 @@ class _SourceCache(FunctionCache):
             return self._load_overload(sig, target_context)  # type: ignore[no-untyped-call]
 
 
+_compiling = 0  # blocks of `compiling` in this process, within each other or left open by a failure
+
+
 @contextmanager
 def compiling() -> Iterator[None]:
-    """Let one process at a time compile; those that wait then find the kernels in the cache."""
+    """Let one process at a time compile; those that wait then find the kernels in the cache.
+
+    A process does not wait for itself: blocks may stand within each other.
+    """
+    global _compiling
     with ExitStack() as stack:
+        _compiling += 1
+        stack.callback(_end_compiling)
+        if _compiling > 1:
+            yield
+            return
         _choose_place()
         with suppress(OSError):  # on a file system without locks all may compile
             place = Path(nb.config.CACHE_DIR or _PACKAGE / "__pycache__")  # type: ignore[attr-defined]
             file = stack.enter_context((place / "compiling.lock").open("w"))
             fcntl.flock(file, fcntl.LOCK_EX)
         yield
+
+
+def _end_compiling() -> None:
+    global _compiling
+    _compiling -= 1
 
 
 def announce(called: Any, seconds: float) -> None:

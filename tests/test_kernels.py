@@ -11,8 +11,13 @@ import numpy as np
 import pytest
 
 import gfmdlayer
+from gfmdlayer import kernels
+from gfmdlayer.case.march import March
+from gfmdlayer.case.model import ConvergenceError, simulate
+from gfmdlayer.config import Config
 from gfmdlayer.grid.sums import pairwise_sum
-from gfmdlayer.kernels import announce, kernel, product, quotient, source_digest
+from gfmdlayer.kernels import announce, compiling, kernel, product, quotient, source_digest
+from tests.recordings import Recording
 
 PACKAGE = Path(gfmdlayer.__file__).parent
 
@@ -172,3 +177,26 @@ def test_the_first_call_says_once_that_kernels_are_compiled(monkeypatch, capsys,
     assert thrice(2.0) == 6.0
     announce(thrice, 5)
     assert not capsys.readouterr().err
+
+
+def test_a_process_does_not_wait_for_itself_to_compile():
+    """Blocks stand within each other; one that an abandoned generator left open counts as one of them."""
+
+    def left_open():
+        with compiling():
+            yield
+
+    abandoned = left_open()
+    next(abandoned)
+    with compiling(), compiling():
+        pass
+    abandoned.close()
+
+
+def test_a_first_step_that_fails_gives_the_lock_back(monkeypatch):
+    """Else the process of the next case, or the next case of this one, would wait for ever."""
+    monkeypatch.setattr(March, "_left_before", False)
+    config = Config(name="fails", grid={"points": 64}, solver={"max_iterations": 1}, time={"end": 0.1})
+    with pytest.raises(ConvergenceError):
+        simulate(config, Recording())
+    assert not kernels._compiling
