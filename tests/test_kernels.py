@@ -196,7 +196,8 @@ def test_a_process_does_not_wait_for_itself_to_compile():
 def test_a_first_step_that_fails_gives_the_lock_back(monkeypatch):
     """Else the process of the next case, or the next case of this one, would wait for ever."""
     monkeypatch.setattr(March, "_left_before", False)
-    config = Config(name="fails", grid={"points": 64}, solver={"max_iterations": 1}, time={"end": 0.1})
+    config = Config(name="fails", grid={"points": 64}, solver={"max_iterations": 1})
+    config = config.with_values({"trajectory.ramp_time": 0.2, "time.end": 0.4, "time.step": 0.05})
     with pytest.raises(ConvergenceError):
         simulate(config, Recording())
     assert not kernels._compiling

@@ -89,6 +89,8 @@ WORDS = {
     "rejected": "rejected attempts",
     "displacement": "displacement",
     "pressure": "pressure",
+    "depth": "depth",
+    "force": "force",
     "gap": "gap",
     "traction": "traction",
     "stress_zz": "normal stress along z",

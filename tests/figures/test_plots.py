@@ -63,7 +63,8 @@ def test_a_punch_that_moves_has_a_panel_of_its_friction(tmp_path, columns):
     friction = [np.nan, -0.1, 0.3]
     with case_file(case_path(tmp_path, 0), {"x": X}, {"name": "demo", "tau": 2.0}) as case:
         for time, each in enumerate(friction):
-            case.row(time=float(time), contact_area_interpolated=0.1, mean_pressure=0.2, friction=each)
+            more = {"contact_area_interpolated": 0.1 + 0.01 * time, "mean_pressure": 0.2 + 0.01 * time}
+            case.row(time=float(time), friction=each, **more)
     with open_case(case_path(tmp_path, 0)) as data:
         figure = curves_figure(data, columns)
     area, _, drawn = figure.axes
