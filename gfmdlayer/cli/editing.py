@@ -23,22 +23,25 @@ _COLUMN = 36  # of the comments
 _HEAD = """\
 # {summary}
 #
-# Every key except name has a default. A key behind a # has no default, or no meaning in this case. Lengths
-# are in units of the period, moduli in units of G0, times in units of tau; or use any units, but the same
-# everywhere.
+# Every key except name has a default. A key behind a # has no default, or no meaning in this case. {units}
 """
+_OF_PAPER = """Lengths
+# are in units of the period, moduli in units of G0, times in units of tau; or use any units, but the same
+# everywhere."""
+_OF_UNITS = """Numbers
+# are in the units below."""
 _SWEEP = """\
 # sweep:
 #   layer.thickness: [0.02, 0.05, .inf]
 """
-_QUICK = "{grid.points: 1024, time.step: adaptive, output.snapshots: [1.0, 8.0]}"
+_QUICK = "{output.snapshots: [1.0, 8.0]}"
 _SURFACE = """
 grid.points: [128, 128]
 trajectory.control: load
 time.end: 2.0
-time.step: adaptive
 output.snapshots: [1.0, 2.0]
 """
+_MM = "units: {length: mm, stress: MPa, time: s}"
 # For each kind a sentence, and the dotted keys that differ from the defaults.
 TEMPLATES = {
     "indentation": ("A parabola is pressed into a viscoelastic layer, and its depth stays constant.", _QUICK),
@@ -115,6 +118,85 @@ trajectory.load: 0.05
 output.patches: true
 """,
     ),
+    "rollers": (
+        "A rubber-coated roller rolls on another at several speeds: friction by the loss of both coatings.",
+        _MM,
+        """
+grid: {points: 1024, period: 40.0}
+layer: {thickness: 5.0, poisson: 0.49, material: {G0: 1.0, Ginf: 4.0, tau: 1.0e-3}}
+halfspace.shear_modulus: .inf
+counterbody:
+  layer: {thickness: 3.0, poisson: 0.49, material: {G0: 2.0, Ginf: 6.0, tau: 1.0e-3}}
+  halfspace: {shear_modulus: .inf}
+  velocity_ratio: 1.0
+punch: {shape: cylinder, radius: 25.0}
+trajectory: {control: load, load: 0.05, ramp_time: 0.01, velocity: 1000.0}
+time: {end: 20.0, steady: 1.0e-3}
+sweep: {trajectory.velocity: {from: 100.0, to: 10000.0, points: 5, spacing: log}}
+""",
+    ),
+    "seal": (
+        "A rough metal surface is pressed on a rubber seal: leakage, for `gfmdlayer leak`, while the rubber "
+        "relaxes.",
+        _MM,
+        """
+grid: {points: [128, 128], period: 0.2}
+layer: {thickness: .inf, poisson: 0.49, material: {G0: 1.5, Ginf: 15.0, tau: 0.1}}
+punch: {shape: self_affine, hurst: 0.8, roll_off: 0.05, short_cutoff: 0.008, rms_slope: 0.1, seed: 1}
+trajectory: {control: load, load: 0.06, ramp_time: 0.01}
+time: {end: 100.0, tolerance: 3.0e-3}
+output: {snapshots: [0.1, 100.0], leakage: {every: 1}}
+""",
+    ),
+    "master-curve": (
+        "A roller on rubber at several speeds and temperatures: its friction falls on one curve over the "
+        "speed times the shift factor.",
+        _MM,
+        """
+grid: {points: 256, period: 40.0}
+layer:
+  thickness: 5.0
+  poisson: 0.49
+  material: {model: fractional_zener, G0: 1.0, Ginf: 100.0, tau: 1.0e-6, exponent: 0.6,
+    shift: {law: wlf, C1: 4.57, C2: 113.6, reference: 25.0}}
+halfspace.shear_modulus: .inf
+temperature.value: 25.0
+punch: {shape: cylinder, radius: 25.0}
+trajectory: {control: load, load: 0.05, ramp_time: 0.01, velocity: 1000.0}
+time: {end: 20.0, steady: 1.0e-3}
+sweep:
+  temperature.value: [0.0, 25.0, 60.0]
+  trajectory.velocity: {from: 100.0, to: 10000.0, points: 3, spacing: log}
+""",
+    ),
+    "electroadhesion": (
+        "A wavy electrode is drawn onto a rubber film at several voltages.",
+        """
+units: {length: um, stress: kPa, time: s}
+grid: {points: 1024, period: 250.0}
+layer: {thickness: 100.0, poisson: 0.45, material: {G0: 20.0, Ginf: 200.0, tau: 0.5}}
+halfspace.shear_modulus: .inf
+punch: {shape: sinusoid, amplitude: 1.0, wavelength: 250.0}
+interface: {law: electrostatic, voltage: 200.0, insulation: [{thickness: 10.0, permittivity: 3.0}]}
+trajectory: {control: load, load: 0.1, ramp_time: 0.1}
+time: {end: 5.0, tolerance: 1.0e-3}
+output.snapshots: [5.0]
+sweep: {interface.voltage: [100.0, 200.0, 400.0]}
+""",
+    ),
+    "measured-rubber": (
+        "A ball on a rubber sheet whose moduli were measured: first gfmdlayer fit-material dma.csv.",
+        _MM,
+        """
+grid: {geometry: axisymmetric}
+layer: {thickness: 2.0, poisson: 0.49,
+  material: {model: prony, G0: 1.0, branches: [{G: 1.5, tau: 0.01}, {G: 1.0, tau: 0.1}, {G: 0.5, tau: 1.0}]}}
+halfspace.shear_modulus: .inf
+punch: {shape: sphere, radius: 5.0}
+trajectory: {control: force, force: 2.0, ramp_time: 0.1}
+time.end: 10.0
+""",
+    ),
 }
 
 
@@ -160,7 +242,13 @@ def commented(name: str, like: str) -> str:
         values |= text.read(part, "template").data
     config = Config(name="new").with_values(values)
     lines = (f"{entry:<{_COLUMN - 2}}  # {words}".rstrip(" #") for entry, words in _entries(config))
-    return _HEAD.format(summary=summary) + "\n".join(lines) + "\n" + ("" if config.sweep else _SWEEP)
+    units = _OF_PAPER if config.units is None else _OF_UNITS
+    return (
+        _HEAD.format(summary=summary, units=units)
+        + "\n".join(lines)
+        + "\n"
+        + ("" if config.sweep else _SWEEP)
+    )
 
 
 def _entries(section: Section, indent: str = "") -> Iterator[tuple[str, str]]:
