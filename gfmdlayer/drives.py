@@ -16,7 +16,7 @@ from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gfmdlayer.body.materials import Material, shifts
+from gfmdlayer.body.materials import Material, PronySeries, shifts
 from gfmdlayer.body.shifts import Shift
 from gfmdlayer.config import Config
 from gfmdlayer.config.sections import MOST_ROWS
@@ -183,6 +183,30 @@ class Drives:
 
         felt = (None if isinstance(law, Material) and law.elastic else law.shift for law in laws)
         return tuple(None if shift is None else ReducedTime(shift, temperature) for shift in felt)
+
+    @property
+    def elapse_apart(self) -> bool:
+        """Whether reduced times of layers differ by a ratio that changes."""
+        apart = self.reduced_time is None and any(self.reduced_times)
+        return apart and not isinstance(self.temperature, Constant)
+
+    @cached_property
+    def _slowed(self) -> tuple[float, ...]:
+        """Factor of the relaxation times of each law where shifts differ at a constant temperature, else 1."""
+        once = self.reduced_time is None and not self.elapse_apart
+        return tuple(each.factor(0.0) if once and each is not None else 1.0 for each in self.reduced_times)
+
+    def series(self, wavenumber: float = 0.0) -> tuple[PronySeries, ...]:
+        """Return the laws of the case as series of Maxwell branches over the times of its run.
+
+        `wavenumber` [1/length] is the largest one along x that a moving punch drives. At a constant temperature
+        the times of laws with different shifts are those at this temperature.
+        """
+        every = zip(self.config.laws, self.reduced_times, self._slowed, strict=True)
+        return tuple(
+            law.prony(*self.times_of_response(reduced, wavenumber)).slowed(factor)
+            for law, reduced, factor in every
+        )
 
     def elapsed(self, instant: Instant) -> float:
         """Return the length of the step to a time point, in reduced time where the whole body has one."""

@@ -10,9 +10,9 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from gfmdlayer.body.materials import shifts
+from gfmdlayer.interface.adhesion import ShortRange
 from gfmdlayer.punch.shapes import SHAPES
-from gfmdlayer.validation.problems import Location, Mistake, dotted, shown
+from gfmdlayer.validation.problems import Location, Mistake, shown
 from gfmdlayer.validation.sections import files_named, plain
 
 if TYPE_CHECKING:
@@ -31,6 +31,7 @@ _PERIODIC = {
                "keep_state"),
 }  # fmt: skip
 FINEST = 1e-9  # least tolerance of an isolated indenter: far below it nodes fill the memory (1e-20: 238 GiB)
+_REVOLUTION = "grid.geometry: axisymmetric"
 _LOAD = "got 'load', a mean pressure, which an isolated contact does not have; must be depth or force"
 
 
@@ -52,6 +53,10 @@ def _problems_in_a_cell(config: Any) -> Iterator[Mistake]:
     if config.grid.extent is not None:
         message = "only for geometry: axisymmetric; remove it or change the geometry"
         yield Mistake(("grid", "extent"), message, _GEOMETRY)
+    for at, law in config.interface_laws.items():
+        if isinstance(law, ShortRange):
+            message = f"got {law.law!r}; must have a range that the grid resolves, such as exponential"
+            yield Mistake((*at, "law"), message, _GEOMETRY, chooses=True, because="physics")
     fit = config.punch.misfits(config.grid.cell)
     yield from (mistake.within(("punch",), "grid.points", "grid.period", "punch.shape") for mistake in fit)
     if config.grid.isolated:
@@ -85,12 +90,6 @@ def _problems_without_images(config: Any) -> Iterator[Mistake]:
         spacing = config.grid.period[0] / config.grid.points[0]
         message = f"got adaptive; {WHOLE_SPACINGS}, {spacing:.6g}: give time.step"
         yield Mistake(("time", "step"), message, ("trajectory.velocity", *_BOUNDARY))
-    shifted = {at: shift for at, shift in shifts(config).items() if shift is not None}
-    for at, shift in shifted.items():
-        if shift != next(iter(shifted.values())):
-            message = "differs from that of other materials; must be the same with grid.boundary: isolated"
-            yield Mistake((*at, "shift"), message, (*map(dotted, shifted), *_BOUNDARY))
-            break
     if config.solid.isolated:  # other bodies are asked for their stiffness before the run
         yield from (problem.within((), *_BOUNDARY) for problem in config.solid.problems_isolated())
         yield from _problems_of_the_datum(config)
@@ -144,19 +143,19 @@ def _problems_of_revolution(config: Any) -> Iterator[Mistake]:
             if value is not None and value != getattr(default, key):
                 message = f"got {shown(plain(value))}, not used with grid.geometry: axisymmetric; remove it"
                 yield Mistake((name, key), message, _GEOMETRY)
-    if config.temperature is not None:
-        message = "not available with grid.geometry: axisymmetric; remove it"
-        yield Mistake(("temperature",), message, _GEOMETRY)
-    if config.interfaces:
-        message = (
-            "not available with grid.geometry: axisymmetric, which has the hard wall only; remove it "
-            "(gfmdlayer.indent has a work of adhesion)"
-        )
-        yield Mistake(("interface",), message, _GEOMETRY)
-    elif config.hardness is not None:
+    if config.temperature is not None and config.temperature.file is not None and config.time.step != "adaptive":
+        message = f"got {config.time.step!r} while the temperature changes; must be adaptive with {_REVOLUTION}"
+        yield Mistake(("time", "step"), message, ("temperature", *_GEOMETRY))
+    attracting = [(at, law) for at, law in config.interface_laws.items() if law.attracts]
+    for i, (at, law) in enumerate(attracting):
+        if i or not isinstance(law, ShortRange):
+            message = f"got {law.law!r}; an attraction over a range is not available with {_REVOLUTION}"
+            message = f"{message}: must be short_range" if not i else f"must be one law with {_REVOLUTION}"
+            yield Mistake((*at, "law"), message, _GEOMETRY, chooses=True, because="open")
+    if config.hardness is not None:
         allowed = "remove it, or take periodic"
-        message = f"its hardness is not available with grid.geometry: axisymmetric; {allowed}"
-        yield Mistake(("interface",), message, _GEOMETRY)
+        message = f"its hardness is not available with {_REVOLUTION}; {allowed}"
+        yield Mistake(("interface",), message, _GEOMETRY, because="open")
     if config.trajectory.control == "load":
         yield Mistake(("trajectory", "control"), _LOAD, _GEOMETRY)
     if config.time.tolerance is not None and config.time.tolerance < FINEST:

@@ -226,8 +226,7 @@ class Config(Section):
     def problems(self) -> Iterator[Mistake]:
         """Yield contradictions between sections."""
         yield from problems_of_the_body(self.body, self.layers, self.layer, self.halfspace)
-        moves, of_layers = self.trajectory.moves, isinstance(self.solid, Layers)
-        yield from temperature_problems(self, self.temperature, moves=moves, layered=of_layers)
+        yield from temperature_problems(self, self.temperature, self._with_one_reduced_time)
         yield from _problems_of_the_materials(self)
         yield from self.geometry.problems(self)
         second = None if self.counterbody is None else self.counterbody.body
@@ -269,9 +268,18 @@ class Config(Section):
         if self.interfaces:
             message = "only for the hard wall; attraction adds a stiffness of its own; remove it"
             yield Mistake(at, message, ("interface",))
-        relaxing = {law.shift for law in self.laws if not getattr(law, "elastic", False)}
-        if self.temperature is not None and len(relaxing) > 1:
-            yield Mistake(at, "only for materials with one common shift; remove it", ("temperature",))
+
+    @property
+    def _with_one_reduced_time(self) -> Mapping[str, str]:
+        """The keys for which layers cannot have reduced times of their own, and what they describe."""
+        every = {
+            "trajectory": self.trajectory.moves and "a moving punch",
+            "body": not isinstance(self.solid, Layers) and "a body that is not made of layers",
+            "grid.boundary": self.grid.isolated and "an isolated contact",
+            "interface": bool(self.friction) and "friction",
+            "output.stiffness": self.output.stiffness is not None and "the dynamic stiffness",
+        }
+        return {key: words for key, words in every.items() if words}
 
     @property
     def plainly_possible(self) -> bool:

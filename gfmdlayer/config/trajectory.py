@@ -21,7 +21,6 @@ from typing import Annotated, Any
 from pydantic import Discriminator, Field, Tag
 
 from gfmdlayer.body.layers import Layers
-from gfmdlayer.body.materials import shifts
 from gfmdlayer.config.sections import AT_ONCE, MOST_ROWS, Time
 from gfmdlayer.contact.solvers import AUTO
 from gfmdlayer.interface.interface import FrictionLaw
@@ -418,7 +417,3 @@ def _problems_beside(config: Any, at: Location) -> Iterator[Mistake]:
         reason = "where surfaces yield, shear lowers the hardness; remove one of the two laws"
         message = f"friction beside a hardness is not available: {reason}"
         yield Mistake(at, message, ("interface",), chooses=True)
-    different = {shift for shift in shifts(config).values() if shift is not None}
-    if config.temperature is not None and len(different) > 1:
-        message = "needs one common shift of all materials with friction at the interface"
-        yield Mistake(("temperature",), message, law)

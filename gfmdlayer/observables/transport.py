@@ -322,7 +322,7 @@ class StiffnessColumns(Every):
         assert asked is not None
         super().__init__(case, asked.every)
         self._frequencies, self._body = asked.frequencies, case.body
-        self._reduced_time = next(filter(None, case.drives.reduced_times), None)
+        self._reduced_time = case.drives.reduced_time
 
     def measure(self, step: Step) -> Mapping[str, Value]:
         """Return storage and loss stiffness at each frequency."""

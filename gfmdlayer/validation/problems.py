@@ -9,7 +9,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from os import PathLike
-from typing import Any
+from typing import Any, Literal
 
 Location = tuple[str | int, ...]
 
@@ -57,6 +57,8 @@ class Mistake:
     others: tuple[str, ...] = ()  # further dotted keys on whose values the message depends
     at_key: bool = False  # whether the key is wrong instead of its value
     chooses: bool = False  # whether its section has no meaning without the key: it chooses it, or is required
+    # Why two abilities do not go together: physics, or open where only the package lacks what the message says.
+    because: Literal["", "physics", "open"] = ""
 
     @property
     def key(self) -> str:
