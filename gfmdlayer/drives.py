@@ -42,7 +42,8 @@ _FIRST_PART, _GROWTH, _GROWTH_OF_SWING = 10.0, 10.0, 30.0
 
 # The imposed quantities in files: their names in headings, and their units in words of a configuration.
 _IMPOSED = {
-    "depth": ("depth", "length"), "load": ("mean pressure", "pressure"), "force": ("force", "force"),
+    "depth": ("depth", "length"), "gap": ("mean gap", "length"), "load": ("mean pressure", "pressure"),
+    "force": ("force", "force"),
     "velocity": ("velocity", "length / time"), "displacement": ("displacement", "length"),
     "tangential force": ("tangential force", "force"), "temperature": ("temperature", "degC"),
     "voltage": ("voltage", "V"),
@@ -71,7 +72,7 @@ class Drives:
 
     @cached_property
     def drive(self) -> TimeFunction:
-        """Depth or mean pressure over time, as `trajectory.control` says.
+        """Depth, mean gap or mean pressure over time, as `trajectory.control` says; see `closing`.
 
         A force is divided by the area of the cell, by the length of a line's cell, or by 1 where the contact
         is isolated.
@@ -86,6 +87,20 @@ class Drives:
 
         times, values = np.array(trajectory.corners).T
         return Table(times, values / unit)
+
+    def closing(self, mean_height: float) -> Drives:
+        """Return the drives with the depth for each mean gap, for a punch of this mean height."""
+        drive = self.drive
+        if isinstance(drive, RampHold):  # from the first touch
+            depth: TimeFunction = replace(drive, target=mean_height - drive.target)
+        elif isinstance(drive, Table):
+            depth = replace(drive, values=mean_height - drive.values)
+        else:
+            raise TypeError(
+                f"trajectory: got {type(drive).__name__}; must be RampHold or Table with control: gap"
+            )
+        others = {name: part for name, part in vars(self).items() if name not in ("config", "drive")}
+        return Drives(self.config, depth, **others)
 
     def _prescribed(self, section: Any, quantity: str) -> tuple[float, Table | None]:
         """Return the unit of a drive, the area of the cell for a force, and the drive where it is a table."""
@@ -227,7 +242,7 @@ class Drives:
     def least_scales(self) -> tuple[float, float]:
         """Smallest scales of response and depth: the range of an interface that attracts, else zero."""
         reach = self.interface.range if self.interface.attracts else 0.0
-        return reach if self.config.trajectory.control != "depth" else 0.0, reach
+        return 0.0 if self.config.trajectory.places else reach, reach
 
     @property
     def drawn(self) -> tuple[float, float, float]:
@@ -237,7 +252,7 @@ class Drives:
         """
         corners = self.drive.breakpoints
         largest = max(float(self.drive(time)) for time in (0.0, *corners))
-        growth = 1.0 if self.config.trajectory.control == "depth" else 2 / 3
+        growth = 1.0 if self.config.trajectory.places else 2 / 3
         return largest, growth, min((time for time in corners if time > 0), default=math.inf)
 
     @property

@@ -32,7 +32,7 @@ _PERIODIC = {
 }  # fmt: skip
 FINEST = 1e-9  # least tolerance of an isolated indenter: far below it nodes fill the memory (1e-20: 238 GiB)
 _REVOLUTION = "grid.geometry: axisymmetric"
-_LOAD = "got 'load', a mean pressure, which an isolated contact does not have; must be depth or force"
+_OF_A_CELL = {"load": "a mean pressure", "gap": "a mean gap"}
 
 
 @dataclass(frozen=True)
@@ -66,10 +66,17 @@ def _problems_in_a_cell(config: Any) -> Iterator[Mistake]:
         yield Mistake(("grid", "datum"), message, _BOUNDARY)
 
 
+def _problems_of_the_control(control: str, others: tuple[str, ...]) -> Iterator[Mistake]:
+    """Refuse means over a cell."""
+    if control in _OF_A_CELL:
+        found = f"got {control!r}, {_OF_A_CELL[control]}"
+        message = f"{found}, which an isolated contact does not have; must be depth or force"
+        yield Mistake(("trajectory", "control"), message, others, because="physics")
+
+
 def _problems_without_images(config: Any) -> Iterator[Mistake]:
     """Yield keys that need a periodic surface, and bodies and punches without an isolated contact."""
-    if config.trajectory.control == "load":
-        yield Mistake(("trajectory", "control"), _LOAD, _BOUNDARY)
+    yield from _problems_of_the_control(config.trajectory.control, _BOUNDARY)
     track = (
         "not available with grid.boundary: isolated without friction, as the punch leaves the cell; remove it"
     )
@@ -143,8 +150,14 @@ def _problems_of_revolution(config: Any) -> Iterator[Mistake]:
             if value is not None and value != getattr(default, key):
                 message = f"got {shown(plain(value))}, not used with grid.geometry: axisymmetric; remove it"
                 yield Mistake((name, key), message, _GEOMETRY)
-    if config.temperature is not None and config.temperature.file is not None and config.time.step != "adaptive":
-        message = f"got {config.time.step!r} while the temperature changes; must be adaptive with {_REVOLUTION}"
+    if (
+        config.temperature is not None
+        and config.temperature.file is not None
+        and config.time.step != "adaptive"
+    ):
+        message = (
+            f"got {config.time.step!r} while the temperature changes; must be adaptive with {_REVOLUTION}"
+        )
         yield Mistake(("time", "step"), message, ("temperature", *_GEOMETRY))
     attracting = [(at, law) for at, law in config.interface_laws.items() if law.attracts]
     for i, (at, law) in enumerate(attracting):
@@ -156,8 +169,7 @@ def _problems_of_revolution(config: Any) -> Iterator[Mistake]:
         allowed = "remove it, or take periodic"
         message = f"its hardness is not available with {_REVOLUTION}; {allowed}"
         yield Mistake(("interface",), message, _GEOMETRY, because="open")
-    if config.trajectory.control == "load":
-        yield Mistake(("trajectory", "control"), _LOAD, _GEOMETRY)
+    yield from _problems_of_the_control(config.trajectory.control, _GEOMETRY)
     if config.time.tolerance is not None and config.time.tolerance < FINEST:
         message = f"got {config.time.tolerance!r}; must be >= {FINEST:g} with grid.geometry: axisymmetric"
         yield Mistake(("time", "tolerance"), message, _GEOMETRY)

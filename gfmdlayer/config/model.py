@@ -73,7 +73,7 @@ from gfmdlayer.validation.units import Units
 def _problems_of_the_materials(config: Any) -> Iterator[Mistake]:
     """Yield liquids under a load that nothing solid carries, and moduli that no Poisson's ratio converts."""
     control = config.trajectory.control
-    if control != "depth" and config.solid.flows:
+    if not config.trajectory.places and config.solid.flows:
         laws = ((at, law) for at, law in sections_in(config) if isinstance(law, Law))
         liquids = [dotted(at) for at, law in laws if not law.relaxed]
         reason = "a liquid (G0 = 0) on nothing solid has no equilibrium under it and sinks without end"
@@ -116,6 +116,9 @@ def _problems_of_the_hardness(config: Any) -> Iterator[Mistake]:
     at = next((at for at, law in laws if getattr(law, "hardness", None) is not None), None)
     if at is None:
         return
+    if config.trajectory.control == "gap":
+        message = "got gap beside a hardness: the imprint adds to the gap within a step; must be another control"
+        yield Mistake(("trajectory", "control"), message, (dotted((*at, "hardness")),), because="open")
     attracts, method = bool(config.interfaces), config.solver.method
     able = [name for name, other in SOLVERS.items() if other.yields and other.adhesive == attracts]
     if method not in {AUTO, *able} and (SOLVERS[method].adhesive or not attracts):
@@ -125,7 +128,7 @@ def _problems_of_the_hardness(config: Any) -> Iterator[Mistake]:
     control = config.trajectory.control
     prescribed, area = getattr(config.trajectory, control), math.prod(config.grid.period)
     most = config.hardness * (area if control == "force" else 1.0)
-    if control != "depth" and prescribed is not None and prescribed >= most:
+    if not config.trajectory.places and prescribed is not None and prescribed >= most:
         key = dotted((*at, "hardness"))
         limit = f"{most:.6g}, the {key} over the whole cell: more has no equilibrium"
         message = f"got {prescribed!r}; must be below {limit}"
@@ -518,7 +521,7 @@ def unit_label(words: str, units: Units | None, control: str, *, is_line: bool) 
 
     A "drive" is what the trajectory prescribes, of which `control` is the name: a length, pressure or force.
     """
-    drive = {"depth": "length", "load": "pressure"}.get(control, "force")
+    drive = {"depth": "length", "gap": "length", "load": "pressure"}.get(control, "force")
     words = words.replace("drive", drive)
     if is_line and words == "force":
         words = "force / length"

@@ -30,7 +30,8 @@ from gfmdlayer.validation.reading import Reading, unread
 from gfmdlayer.validation.sections import Section
 
 KINDS = ("ramp_hold", "approach_retract", "table")
-CONTROLS = ("depth", "load", "force")
+CONTROLS = ("depth", "gap", "load", "force")
+PLACED = ("depth", "gap")  # which say where the punch is
 # The keys that only one kind has.
 _KEYS_OF = {
     "ramp_time": "ramp_hold",
@@ -139,7 +140,7 @@ class Trajectory(Section):
     """The prescribed depth of Eq. (30), mean pressure or force over time."""
 
     control: Annotated[str, Word(*CONTROLS)] = "depth"
-    """prescribed quantity: depth, load (mean pressure) or force"""
+    """prescribed quantity: depth, gap (mean gap), load (mean pressure) or force"""
     kind: Annotated[str, Word(*KINDS)] = "ramp_hold"
     """ramp_hold, approach_retract, or table (from a file)"""
     depth: Annotated[Finite | None, given] = Field(
@@ -148,6 +149,8 @@ class Trajectory(Section):
         )
     )
     """prescribed depth; negative is a gap, with attraction: length"""
+    gap: Optional = None
+    """control: gap: prescribed mean gap, which the ramp reaches from the first touch: length"""
     load: Annotated[NotNegative | None, given] = None
     """control: load: prescribed mean pressure: pressure"""
     force: Annotated[NotNegative | None, given] = None
@@ -167,7 +170,7 @@ class Trajectory(Section):
     cycles: Annotated[Cycles | None, given] = _of_approach(lambda _: 1)
     """approach_retract: number of cycles, default 1; later ones start at final"""
     file: Annotated[File | None, given] = None
-    """kind: table: file with two columns, time and depth, load or force"""
+    """kind: table: file with two columns, time and depth, gap, load or force"""
     reading: Annotated[Reading | None, given] = None
     """how the file is read, where it does not say so"""
     velocity: Annotated[Finite | None, given] = None
@@ -198,6 +201,11 @@ class Trajectory(Section):
     def moves(self) -> bool:
         """Whether the punch moves along x."""
         return self.velocity is not None or self.velocity_file is not None
+
+    @property
+    def places(self) -> bool:
+        """Whether depth or mean gap is prescribed, and the load follows."""
+        return self.control in PLACED
 
     @property
     def corners(self) -> tuple[tuple[float, float], ...]:
@@ -232,11 +240,20 @@ class Trajectory(Section):
         if table and self.file is None:
             wrong.append(("file", "missing; kind: table needs the name of a file"))
         if not table and self.control != "depth" and getattr(self, self.control) is None:
-            meant = {"load": "the mean pressure", "force": "the force over the cell, per length for a line"}
-            message = f"missing; control: {self.control} needs a number >= 0, {meant[self.control]}"
+            meant = {
+                "gap": "the mean gap",
+                "load": "the mean pressure",
+                "force": "the force over the cell, per length for a line",
+            }
+            message = f"missing; control: {self.control} needs a number {'> 0' if self.control == 'gap' else '>= 0'}, {meant[self.control]}"
             wrong.append((self.control, message))
         yield from (Mistake((key,), message, ("control", "kind")) for key, message in wrong)
-        if self.kind == "approach_retract" and not wrong:
+        if self.kind == "approach_retract" and self.control == "gap":
+            message = (
+                "got approach_retract, whose ends count from the first touch; must be ramp_hold or table"
+            )
+            yield Mistake(("kind",), f"{message} with control: gap", ("control",), because="open")
+        elif self.kind == "approach_retract" and not wrong:
             yield from self._impossible_legs()
         if self.velocity is not None and self.velocity_file is not None:
             message = "given beside velocity; remove one of the two"
@@ -310,7 +327,7 @@ def problems_of_the_motion(trajectory: Trajectory, time: Time, *, pulls: bool) -
         yield Mistake(("trajectory", "depth"), message, ("trajectory.kind", "interface"))
     for key in ("start", "final"):
         value = getattr(trajectory, key)
-        if trajectory.control != "depth" and not pulls and value is not None and value < 0:
+        if not trajectory.places and not pulls and value is not None and value < 0:
             message = f"got {shown(value)}, a pull on the punch; must be >= 0 without adhesion"
             yield Mistake(("trajectory", key), message, ("trajectory.control", "interface"))
 
@@ -409,6 +426,9 @@ def _problems_beside(config: Any, at: Location) -> Iterator[Mistake]:
         ("counterbody", "body"): not isinstance(above, Layers | None) and in_shear,
         ("solver", "method"): config.solver.method != AUTO and f"got {config.solver.method}; must be auto",
         ("output", "stiffness"): config.output.stiffness is not None and "must be left out",
+        ("trajectory", "control"): config.trajectory.control == "gap"
+        and config.solid.mean_stiffness > 0
+        and "got gap on a body that yields in the mean; must be depth, load or force",
     }
     for place, message in refused.items():
         if message:

@@ -48,7 +48,9 @@ def test_the_force_on_a_sphere_follows_the_temperature_as_lee_and_radok_have_it(
             modulus = 1.0 + 5.0 * math.exp(-(xi.step(0.0, t) - xi.step(0.0, s)) / tau)
             return modulus * 1.5 * (depth / 2) ** 1.5 * s**0.5
 
-        return 4 / 3 * RADIUS**0.5 * 4 * quad(rate, 0.0, t, points=[each for each in (0.5, 1.5) if each < t])[0]
+        return (
+            4 / 3 * RADIUS**0.5 * 4 * quad(rate, 0.0, t, points=[each for each in (0.5, 1.5) if each < t])[0]
+        )
 
     expected = [force(t) for t in (0.4, 1.0, 1.6, 2.0)]
     assert found.force.sel(time=[0.4, 1.0, 1.6, 2.0]).values == pytest.approx(
@@ -69,7 +71,9 @@ def test_a_sphere_with_adhesion_without_a_range_is_torn_off_by_the_force_of_jkr(
     assert -float(found.force.min()) == pytest.approx(1.5 * math.pi * WORK * RADIUS, rel=1e-3)
     times, depths = [0.0, 0.5, 2.0], [0.0, 0.005, -0.01]
     body = gfmdlayer.halfspace(1.0, poisson=0.5)
-    alone = gfmdlayer.indent(body, gfmdlayer.Parabola(radius=RADIUS), times, depth=depths, work_of_adhesion=WORK)
+    alone = gfmdlayer.indent(
+        body, gfmdlayer.Parabola(radius=RADIUS), times, depth=depths, work_of_adhesion=WORK
+    )
     np.testing.assert_array_equal(found.force, alone.force)
 
 
