@@ -207,15 +207,15 @@ class Drives:
 
     @cached_property
     def _slowed(self) -> tuple[float, ...]:
-        """Factor of the relaxation times of each law where shifts differ at a constant temperature, else 1."""
+        """Factor of the times of each law where shifts differ at a constant temperature, else 1."""
         once = self.reduced_time is None and not self.elapse_apart
         return tuple(each.factor(0.0) if once and each is not None else 1.0 for each in self.reduced_times)
 
     def series(self, wavenumber: float = 0.0) -> tuple[PronySeries, ...]:
         """Return the laws of the case as series of Maxwell branches over the times of its run.
 
-        `wavenumber` [1/length] is the largest one along x that a moving punch drives. At a constant temperature
-        the times of laws with different shifts are those at this temperature.
+        `wavenumber` [1/length] is the largest one along x that a moving punch drives. At a constant
+        temperature the times of laws with different shifts are those at this temperature.
         """
         every = zip(self.config.laws, self.reduced_times, self._slowed, strict=True)
         return tuple(

@@ -90,7 +90,10 @@ def abilities() -> Mapping[str, tuple[Fragment, ...]]:
 
     return {
         "surface": ({"grid": {"points": [16, 16]}},),
-        "axisymmetric": ({"grid": {"geometry": "axisymmetric"}},),
+        "axisymmetric": (
+            {"grid": {"geometry": "axisymmetric"}},
+            {"grid": {"geometry": "axisymmetric"}, "time": {"step": "adaptive"}},
+        ),
         "isolated contact": (
             {"grid": {"boundary": "isolated", "datum": 2.0}}, {"grid": {"boundary": "isolated"}},
         ),
@@ -107,7 +110,7 @@ def abilities() -> Mapping[str, tuple[Fragment, ...]]:
         "rough punch": (
             {"punch": {"shape": "self_affine", "hurst": 0.8, "short_cutoff": 0.25, "rms_height": 0.01, "seed": 1}},
         ),
-        "adhesion": ({"interface": [adhesion]},),
+        "adhesion": ({"interface": [adhesion]}, {"interface": [{"law": "short_range", "work": 1e-3}]}),
         "voltage": ({"interface": [voltage]},),
         "hardness": ({"interface": [{"law": "hard_wall", "hardness": 0.5}]},),
         "friction": (friction,),
@@ -125,6 +128,9 @@ def abilities() -> Mapping[str, tuple[Fragment, ...]]:
         ),
         "force": (
             {"trajectory": {"control": "force", "force": 1e-3}}, {"trajectory": {"control": "force"}},
+        ),
+        "mean gap": (
+            {"trajectory": {"control": "gap", "gap": 0.15}}, {"trajectory": {"control": "gap"}},
         ),
         "retraction": (
             {"trajectory": {"kind": "approach_retract", "ramp_time": None, "approach_speed": 0.08}},

@@ -247,10 +247,18 @@ _SAME = 1e-12  # relative: a depth this close to an interface is on it
 
 
 class LayerDepth(NamedTuple):
-    """A depth, and the number of its layer from the surface; a depth at an interface has two places."""
+    """A depth, and the number of its layer from the surface; a depth at an interface has two places.
+
+    In a counterbody the depth is negative, and its layers have the numbers -1, -2, ... from its surface.
+    """
 
     depth: float
     layer: int
+
+    @property
+    def mirrored(self) -> LayerDepth:
+        """The place at this depth in the other body."""
+        return LayerDepth(-self.depth, -1 - self.layer)
 
 
 def places(thicknesses: Sequence[float], depths: Sequence[float]) -> list[LayerDepth]:

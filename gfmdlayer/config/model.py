@@ -117,7 +117,9 @@ def _problems_of_the_hardness(config: Any) -> Iterator[Mistake]:
     if at is None:
         return
     if config.trajectory.control == "gap":
-        message = "got gap beside a hardness: the imprint adds to the gap within a step; must be another control"
+        message = (
+            "got gap beside a hardness: the imprint adds to the gap within a step; must be another control"
+        )
         yield Mistake(("trajectory", "control"), message, (dotted((*at, "hardness")),), because="open")
     attracts, method = bool(config.interfaces), config.solver.method
     able = [name for name, other in SOLVERS.items() if other.yields and other.adhesive == attracts]

@@ -241,11 +241,11 @@ class Trajectory(Section):
             wrong.append(("file", "missing; kind: table needs the name of a file"))
         if not table and self.control != "depth" and getattr(self, self.control) is None:
             meant = {
-                "gap": "the mean gap",
-                "load": "the mean pressure",
-                "force": "the force over the cell, per length for a line",
+                "gap": "> 0, the mean gap",
+                "load": ">= 0, the mean pressure",
+                "force": ">= 0, the force over the cell, per length for a line",
             }
-            message = f"missing; control: {self.control} needs a number {'> 0' if self.control == 'gap' else '>= 0'}, {meant[self.control]}"
+            message = f"missing; control: {self.control} needs a number {meant[self.control]}"
             wrong.append((self.control, message))
         yield from (Mistake((key,), message, ("control", "kind")) for key, message in wrong)
         if self.kind == "approach_retract" and self.control == "gap":

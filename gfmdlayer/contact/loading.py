@@ -1,4 +1,4 @@
-"""Depth, gap and load control: the contact problem of a step, the depth of its solution, and the imprint left.
+"""Depth, gap and load control: the contact problem of a step, the depth of its solution, and the imprint.
 
 A solver finds a surface of zero mean, or under a given mean pressure p any surface w below the punch. The
 mean of w is the depth plus u_0, the displacement at q = 0, which is zero unless a compressible layer lies on

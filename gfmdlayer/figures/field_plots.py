@@ -329,7 +329,7 @@ def _draw_section(
     touched = (
         touching(case).sel(x=part["x"]).to_numpy() if "gap" in case else np.zeros(along.size, dtype=bool)
     )
-    top = np.where(touched, depths[0], np.nan)
+    top = np.where(touched, max(depths[0], 0.0), np.nan)  # a counterbody is above
     axes.plot(along, top, color=CONTACT, linewidth=3.0, clip_on=False, solid_capstyle="butt")
     axes.set(xlim=(left / x.scale, right / x.scale), ylim=(depths[-1], depths[0]))
     name_axes(axes, y=z)

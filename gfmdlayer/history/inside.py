@@ -38,6 +38,7 @@ _CHUNK = 4096  # waves whose stretches are summed at once
 LINE = ("x", "z", "xx", "yy", "zz", "xz")
 SURFACE = ("x", "y", "z", "xx", "yy", "zz", "xy", "xz", "yz")
 
+_ODD_IN_Z = frozenset(("z", "xz", "yz"))  # which change their sign in a mirror z -> -z
 STRESSES = frozenset(name for name in SURFACE if len(name) == 2)
 
 
@@ -238,6 +239,54 @@ class NormalInterior(Interior):
             if depth > top:
                 down = down - min((depth - top) / layer.thickness, 1.0) * springs.strains[i, at]
         return np.asarray(down)
+
+
+class PairInterior(Interior):
+    """The fields in a body and its counterbody, which is above it: at z < 0, seen in a mirror.
+
+    The rows of `SpringFields` are those of the body, and then those of the counterbody.
+    """
+
+    def __init__(self, bodies: Sequence[Layers], grid: Grid, places: Sequence[LayerDepth]) -> None:
+        super().__init__(bodies[0], grid, places)
+        self._own = [NormalInterior(body, grid, places, body.spectrum) for body in bodies]
+
+    @property
+    def keeps_springs(self) -> bool:
+        """Whether layers of different laws relax in a body."""
+        return any(own.keeps_springs for own in self._own)
+
+    def springs(self, history: Any, tractions: ComplexArray) -> SpringFields:
+        """Return the springs of both bodies."""
+        both = zip(self._own, history.bodies, strict=True)
+        return _stacked([own.springs(body, tractions) for own, body in both])
+
+    def of_surface(self, u: ComplexArray | None, p: ComplexArray) -> SpringFields:
+        """Return the springs for the displacements of both surfaces, each out of its body, (2, nq)."""
+        assert u is not None
+        return _stacked([own.of_surface(part, p) for own, part in zip(self._own, u, strict=True)])
+
+    def at(
+        self, springs: SpringFields, place: LayerDepth, names: Collection[str] | None = None
+    ) -> dict[str, FloatArray]:
+        """Return the fields at a place of one of the bodies."""
+        first, second = self._own
+        of_first = first.inside.layer.size
+        if place.layer >= 0:
+            return first.at(SpringFields(*(each[:of_first] for each in springs)), place, names)
+        fields = second.at(SpringFields(*(each[of_first:] for each in springs)), place.mirrored, names)
+        return {name: -field if name in _ODD_IN_Z else field for name, field in fields.items()}
+
+    def _spectra(self, springs: SpringFields, place: LayerDepth) -> ComplexArray:
+        raise NotImplementedError
+
+    def _means(self, springs: SpringFields, depth: float) -> Mapping[str, ComplexArray]:
+        raise NotImplementedError
+
+
+def _stacked(springs: Sequence[SpringFields]) -> SpringFields:
+    """Return the rows of both bodies."""
+    return SpringFields(*(np.vstack(rows) for rows in zip(*springs, strict=True)))
 
 
 class _Nearest:
