@@ -53,7 +53,7 @@ class Twice(gfmdlayer.Solid):
         return 2 * waves.magnitude
 
     def spectrum(self, waves):
-        return gfmdlayer.Spectrum.of_elastic(2 * waves.magnitude)
+        return gfmdlayer.Spectrum.of_material(2 * waves.magnitude, gfmdlayer.Elastic(1.0))
 """,
 }
 TOGETHER = "ranks that share a case"
@@ -105,10 +105,11 @@ def abilities() -> Mapping[str, tuple[Fragment, ...]]:
                       "next_nearest": 0.03, "spacing": 0.0625}},
         ),
         "table of stiffnesses": ({"body": {"kind": "table", "table": file["stiffness.txt"]}},),
-        "body of Python": ({"body": {"file": file["body.py"]}},),
+        "body of Python": ({"body": {"kind": "file", "file": file["body.py"]}},),
         "counterbody": ({"counterbody": {"halfspace": {"shear_modulus": 3.0}}},),
         "rough punch": (
-            {"punch": {"shape": "self_affine", "hurst": 0.8, "short_cutoff": 0.25, "rms_height": 0.01, "seed": 1}},
+            {"punch": {"shape": "self_affine", "hurst": 0.8, "short_cutoff": 0.25, "rms_height": 0.01,
+                       "seed": 1}},
         ),
         "adhesion": ({"interface": [adhesion]}, {"interface": [{"law": "short_range", "work": 1e-3}]}),
         "voltage": ({"interface": [voltage]},),
@@ -229,7 +230,7 @@ def _merged(one: Any, other: Any, *, over: bool = False) -> Any:
 _PAGE = """\
 # What runs together
 
-Each pair of abilities of a configuration runs, or is refused before any work. A refusal has one of two reasons:
+Each pair of abilities of a configuration runs, or is refused before any work, for one of two reasons:
 
 - physics: the two contradict one another, or one of them has no meaning beside the other;
 - open: physics allows the pair, and the package does not have it yet. The reason says what is missing.

@@ -283,7 +283,8 @@ class Layers(Solid):
         """Refuse layers without a base."""
         if self._base.shear_modulus == 0 and math.isfinite(sum(self.thicknesses)):
             message = "got 0: a layer without a base does not support an isolated load; must be > 0"
-            yield Mistake(("halfspace", "shear_modulus"), message, ("layer.thickness", "layers"))
+            others = ("layer.thickness", "layers")
+            yield Mistake(("halfspace", "shear_modulus"), message, others, because="physics")
 
 
 def _check(layers: Sequence[Layer], *, rigid: bool) -> None:

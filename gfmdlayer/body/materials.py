@@ -506,7 +506,8 @@ class Temperature(Section):
         if self.value is None and self.file is None:
             yield Mistake((), "has neither value nor file; must be {value: ...} or {file: ...}")
         if self.value is not None and self.file is not None:
-            yield Mistake(("file",), "given beside value; remove one of the two", ("value",))
+            message = "given beside value; remove one of the two"
+            yield Mistake(("file",), message, ("value",), because="physics")
         yield from unread(self, "file")
 
 

@@ -166,8 +166,8 @@ class Pair(Solid):
 
     def problems_isolated(self) -> Iterator[Mistake]:
         """Refuse an isolated, axisymmetric indenter."""
-        message = "not available with grid.geometry: axisymmetric; remove it or change the geometry"
-        yield Mistake(("counterbody",), message)
+        message = "not available with grid.geometry: axisymmetric, which follows one body; remove it"
+        yield Mistake(("counterbody",), message, because="open")
 
 
 def stacks(body: object) -> tuple[Layers, ...]:

@@ -162,8 +162,10 @@ class Solid(Kind):
     def problems_isolated(self) -> Iterator[Mistake]:
         """Yield why the body does not carry an isolated indenter, in keys of the configuration."""
         if not self.isolated:
-            message = "given with grid.geometry: axisymmetric, which this body does not allow; must be layers"
-            yield Mistake(("body",), message)
+            message = (
+                "given with grid.geometry: axisymmetric, for which its compliance is missing; must be layers"
+            )
+            yield Mistake(("body",), message, because="open")
 
 
 class OneModulus(Solid):

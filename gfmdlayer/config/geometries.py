@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 from gfmdlayer.interface.adhesion import ShortRange
 from gfmdlayer.punch.shapes import SHAPES
@@ -30,6 +30,7 @@ _PERIODIC = {
     "output": ("patches", "histograms", "observables", "leakage", "conductance", "stiffness", "inside",
                "keep_state"),
 }  # fmt: skip
+_NOT_YET = {"conductance", "stiffness", "inside"}  # which an indenter of revolution has too
 FINEST = 1e-9  # least tolerance of an isolated indenter: far below it nodes fill the memory (1e-20: 238 GiB)
 _REVOLUTION = "grid.geometry: axisymmetric"
 _OF_A_CELL = {"load": "a mean pressure", "gap": "a mean gap"}
@@ -84,15 +85,17 @@ def _problems_without_images(config: Any) -> Iterator[Mistake]:
     if config.friction:
         track = "not available with grid.boundary: isolated; must be a constant velocity"
     cell = "describes a cell, which an isolated contact does not have; remove it"
-    unused: Sequence[tuple[Any, Location, Sequence[str], str]] = (
-        (config.trajectory, ("trajectory",), along, track),
-        (config.output, ("output",), ("observables", "leakage", "conductance", "stiffness"), cell),
-        (config.output.histograms, ("output", "histograms"), ("pressure", "gap"), cell),
+    spots = "not available with grid.boundary: isolated: the response of spots without images is missing"
+    unused: Sequence[tuple[Any, Location, Sequence[str], str, Literal["physics", "open"]]] = (
+        (config.trajectory, ("trajectory",), along, track, "open"),
+        (config.output, ("output",), ("observables", "leakage"), cell, "physics"),
+        (config.output, ("output",), ("conductance", "stiffness"), f"{spots}; remove it", "open"),
+        (config.output.histograms, ("output", "histograms"), ("pressure", "gap"), cell, "physics"),
     )
-    for section, at, keys, message in unused:
+    for section, at, keys, message, because in unused:
         for key in keys:
             if getattr(section, key) is not None:
-                yield Mistake((*at, key), message, _BOUNDARY)
+                yield Mistake((*at, key), message, _BOUNDARY, because=because)
     if config.trajectory.moves and config.time.step == "adaptive" and not config.time.at_once:
         spacing = config.grid.period[0] / config.grid.points[0]
         message = f"got adaptive; {WHOLE_SPACINGS}, {spacing:.6g}: give time.step"
@@ -141,15 +144,17 @@ def _problems_of_revolution(config: Any) -> Iterator[Mistake]:
     """Yield keys that need a periodic cell, and punches that are no convex body of revolution."""
     if len(config.grid.points) > 1:
         message = f"got {shown(config.grid.points)}; must be one number with geometry: axisymmetric"
-        yield Mistake(("grid", "points"), message, _GEOMETRY)
+        yield Mistake(("grid", "points"), message, _GEOMETRY, because="physics")
     for name, keys in _PERIODIC.items():  # values, other than the defaults, that describe something periodic
         section: Section = getattr(config, name)
         default = type(section)()
         for key in keys or type(section).model_fields:
             value = getattr(section, key, None)
             if value is not None and value != getattr(default, key):
-                message = f"got {shown(plain(value))}, not used with grid.geometry: axisymmetric; remove it"
-                yield Mistake((name, key), message, _GEOMETRY)
+                used = "available" if key in _NOT_YET else "used"
+                message = f"got {shown(plain(value))}, not {used} with {_REVOLUTION}; remove it"
+                because: Literal["physics", "open"] = "open" if key in _NOT_YET else "physics"
+                yield Mistake((name, key), message, _GEOMETRY, because=because)
     if (
         config.temperature is not None
         and config.temperature.file is not None
@@ -188,7 +193,7 @@ def _of_the_punch(punch: Any) -> Iterator[Mistake]:
     if not hasattr(punch, "revolution"):
         allowed = ", ".join(word for word, shape in SHAPES.items() if hasattr(shape, "revolution"))
         message = f"got {punch.shape!r}, which is no convex body of revolution; must be one of {allowed}"
-        yield Mistake(("punch", "shape"), message, _GEOMETRY, chooses=True)
+        yield Mistake(("punch", "shape"), message, _GEOMETRY, chooses=True, because="physics")
         return
     for key, value in vars(punch).items():
         if isinstance(value, tuple):

@@ -269,10 +269,8 @@ class Config(Section):
             return
         at = ("output", "stiffness")
         if self.trajectory.moves:
-            yield Mistake(at, "only for a punch that does not move along x; remove it", ("trajectory",))
-        if self.interfaces:
-            message = "only for the hard wall; attraction adds a stiffness of its own; remove it"
-            yield Mistake(at, message, ("interface",))
+            message = "only for a punch that does not move along x, whose contact is carried along; remove it"
+            yield Mistake(at, message, ("trajectory",), because="open")
 
     @property
     def _with_one_reduced_time(self) -> Mapping[str, str]:

@@ -149,7 +149,7 @@ class Time(Section):
             if self.integrator == "backward_euler":
                 allowed = "must be exponential, which estimates its error"
                 message = f"got backward_euler with step: adaptive; {allowed}"
-                yield Mistake(("integrator",), message, ("step",))
+                yield Mistake(("integrator",), message, ("step",), because="physics")
             return
         if self.tolerance is not None:
             message = "only for adaptive steps; remove it or set time.step: adaptive"

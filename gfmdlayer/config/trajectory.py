@@ -16,7 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from itertools import pairwise
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from pydantic import Discriminator, Field, Tag
 
@@ -257,7 +257,7 @@ class Trajectory(Section):
             yield from self._impossible_legs()
         if self.velocity is not None and self.velocity_file is not None:
             message = "given beside velocity; remove one of the two"
-            yield Mistake(("velocity_file",), message, ("velocity",))
+            yield Mistake(("velocity_file",), message, ("velocity",), because="physics")
 
     def _without_meaning(self) -> Iterator[tuple[str, str]]:
         """Yield the keys that have no meaning for this control and kind, each with a message."""
@@ -313,8 +313,8 @@ def problems_of_the_motion(trajectory: Trajectory, time: Time, *, pulls: bool) -
     """Yield contradictions with the time axis, and tensile loads if the interface does not attract."""
     velocity = "trajectory.velocity" if trajectory.velocity is not None else "trajectory.velocity_file"
     if trajectory.moves and time.integrator == "backward_euler":
-        message = "got backward_euler with a moving punch; must be exponential"
-        yield Mistake(("time", "integrator"), message, (velocity,))
+        message = "got backward_euler with a moving punch, whose frame it does not know; must be exponential"
+        yield Mistake(("time", "integrator"), message, (velocity,), because="open")
     if time.steady is not None and (not trajectory.moves or trajectory.velocity == 0):
         message = "only for a moving punch; remove it or set trajectory.velocity"
         others = ("trajectory.velocity", "trajectory.velocity_file")
@@ -372,8 +372,8 @@ def _problems_of_the_drive(config: Any) -> Iterator[Mistake]:
                 message = f"got {getattr(given, key)!r}; must be 0 on a line, whose only direction is x"
                 yield Mistake(("trajectory", "creepage", key), message, ("grid.points",))
     if config.time.at_once and config.interfaces:
-        message = f"got {AT_ONCE} beside an attraction; must be a relative change below which the run ends"
-        yield Mistake(("time", "steady"), message, ("interface",))
+        message = f"got {AT_ONCE} beside an attraction, whose solver takes steps; must be a relative change"
+        yield Mistake(("time", "steady"), message, ("interface",), because="open")
     if config.time.at_once:
         early = any(time < config.time.end for time in config.output.snapshot_times)
         for key, is_given in (("times", config.output.times is not None), ("snapshots", early)):
@@ -388,10 +388,11 @@ def _problems_of_the_drive(config: Any) -> Iterator[Mistake]:
             [()] if given is None else [(k,) for k in "xy" if getattr(given, k) is not None]
         )
         for below in keys:
-            yield Mistake(("trajectory", "creepage", *below), message, ("trajectory.tangential",))
+            others = ("trajectory.tangential",)
+            yield Mistake(("trajectory", "creepage", *below), message, others, because="physics")
     if motion.moves and drive.control == "displacement":
         message = "got displacement with a velocity; must be force, or give trajectory.creepage in its place"
-        yield Mistake(("trajectory", "tangential", "control"), message, velocity)
+        yield Mistake(("trajectory", "tangential", "control"), message, velocity, because="physics")
     if len(config.grid.points) == 1 and drive.direction != 0:
         message = f"got {drive.direction!r}; must be 0 on a line, whose only direction is x"
         yield Mistake(("trajectory", "tangential", "direction"), message, ("grid.points",))
@@ -418,22 +419,46 @@ def _problems_of_the_steps(config: Any) -> Iterator[Mistake]:
 
 def _problems_beside(config: Any, at: Location) -> Iterator[Mistake]:
     """Yield what friction does not go with, at the place of its law or at the other key."""
-    law, in_shear = (dotted(at),), "must be layers, which have a shear response"
     above = None if config.counterbody is None else config.counterbody.body
-    refused = {
-        ("grid", "geometry"): config.grid.geometry == "axisymmetric" and "got axisymmetric; must be periodic",
-        ("body",): not isinstance(config.body, Layers | None) and in_shear,
-        ("counterbody", "body"): not isinstance(above, Layers | None) and in_shear,
-        ("solver", "method"): config.solver.method != AUTO and f"got {config.solver.method}; must be auto",
-        ("output", "stiffness"): config.output.stiffness is not None and "must be left out",
-        ("trajectory", "control"): config.trajectory.control == "gap"
-        and config.solid.mean_stiffness > 0
-        and "got gap on a body that yields in the mean; must be depth, load or force",
-    }
-    for place, message in refused.items():
-        if message:
-            yield Mistake(place, f"{message} with friction at the interface", law)
+    directed = config.trajectory.tangential is not None or config.trajectory.moves
+    yields_in_the_mean = config.trajectory.control == "gap" and config.solid.mean_stiffness > 0
+    refused: dict[Location, tuple[object, str, Literal["", "physics", "open"]]] = {
+        ("grid", "geometry"): (
+            config.grid.geometry == "axisymmetric",
+            "got axisymmetric; must be periodic",
+            "physics" if directed else "open",
+        ),
+        ("body",): _without_shear(config.body),
+        ("counterbody", "body"): _without_shear(above),
+        ("solver", "method"): (
+            config.solver.method != AUTO, f"got {config.solver.method}; must be auto", "",
+        ),
+        ("output", "stiffness"): (
+            config.output.stiffness is not None,
+            "must be left out: that of points that stick is missing",
+            "open",
+        ),
+        ("trajectory", "control"): (
+            yields_in_the_mean,
+            "got gap on a body that yields in the mean; must be depth, load or force",
+            "open",
+        ),
+    }  # fmt: skip
+    for place, (is_refused, message, because) in refused.items():
+        if is_refused:
+            law = (dotted(at),)
+            yield Mistake(place, f"{message} with friction at the interface", law, because=because)
     if config.hardness is not None:
         reason = "where surfaces yield, shear lowers the hardness; remove one of the two laws"
         message = f"friction beside a hardness is not available: {reason}"
-        yield Mistake(at, message, ("interface",), chooses=True)
+        yield Mistake(at, message, ("interface",), chooses=True, because="physics")
+
+
+def _without_shear(body: Any) -> tuple[bool, str, Literal["", "physics", "open"]]:
+    """Return whether a body has no response to shear tractions, what it would have to give, and why."""
+    if isinstance(body, Layers | None):
+        return False, "", ""
+    message = (
+        f"got kind: {body.kind}, which does not give K(q) as a matrix over the directions; must be layers,"
+    )
+    return True, f"{message} which have a shear response", "physics" if body.kind == "table" else "open"

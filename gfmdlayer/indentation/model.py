@@ -132,7 +132,7 @@ class IsolatedContact(Model):
         knots = [0.0, *sorted({each for each in drives.breakpoints if 0 < each < end}), end]
         reduced = drives.reduced_time
         for begin, stop in pairwise(knots):
-            # A line through points between which aT grows by a part d is off by d/8 of the change between them.
+            # Between points over which aT grows by a part d, a line is off by d/8 of the change.
             grows = 0.0 if reduced is None else abs(math.log(reduced.factor(stop) / reduced.factor(begin)))
             count = math.ceil(_SAMPLES * grows) if drives.drive(begin) != drives.drive(stop) else 0
             yield from np.linspace(begin, stop, max(count, 1) + 1)[:-1].tolist()

@@ -46,8 +46,8 @@ def inside(
         Depths z >= 0 below the surface of the undeformed body [length], increasing; of two bodies those below
         zero are in the counterbody, which is above.
     body : Body, optional
-        A `LayerStack`, a body of `halfspace` or `bonded_layer`, or a `Pair` of them; default: the body of the case's
-        configuration.
+        A `LayerStack`, a body of `halfspace` or `bonded_layer`, or a `Pair` of them; default: the body of
+        the case's configuration.
     trust : bool
         Run the Python code that the configuration names as its body; without it such a body is refused.
 

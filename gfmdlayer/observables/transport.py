@@ -295,8 +295,9 @@ class ConductanceColumns(OfSpots):
 class StiffnessColumns(Every):
     """Dynamic stiffness of the contact, force over depth, at a frozen contact area (`output.stiffness`).
 
-    Storage and loss at each frequency, for amplitudes that leave the contact area as it is. It is no slope of
-    force over depth during the run, which depends on the rate.
+    Storage and loss at each frequency, for amplitudes that leave the contact area as it is; an attraction
+    adds the change of its traction out of contact. It is no slope of force over depth during the run, which
+    depends on the rate.
     """
 
     @classmethod
@@ -332,23 +333,36 @@ class StiffnessColumns(Every):
         if self._due(step.time):
             reduced = self._reduced_time
             factor = 1.0 if reduced is None else reduced.factor(step.time)
-            touching = step.fields["touching"]
-            total = _whole(self._grid, touching, lambda contact: self._measured(contact, factor))
+            touching, law = step.fields["touching"], step.interface
+            # NaN marks the points in contact, so that one field reaches the first rank.
+            curvature = np.zeros(touching.size)
+            if law.attracts:
+                curvature = law.curvature(step.fields["gap"])
+            field = np.where(touching, np.nan, curvature)
+            total = _whole(self._grid, field, lambda whole: self._measured(whole, factor))
         return {"storage_stiffness": total.real.copy(), "loss_stiffness": total.imag.copy()}
 
-    def _measured(self, contact: NDArray[Any], factor: float) -> NDArray[Any]:
-        """Return K* of a contact; where K(q, s) is proportional to K(q, 0), by one solution."""
+    def _measured(self, curvature: NDArray[Any], factor: float) -> NDArray[Any]:
+        """Return K* from the curvature of the interface, NaN in contact, at all frequencies.
+
+        Without attraction one solution does where K(q, s) is proportional to K(q, 0).
+        """
         import numpy as np
 
         from gfmdlayer.grid.grid import Grid
-        from gfmdlayer.transport.spots import Spots, inverse
+        from gfmdlayer.transport.spots import Spots, attracted, inverse
 
+        contact = np.isnan(curvature)
+        attracts = bool(np.nan_to_num(curvature).any())
         waves = Grid(self._grid.points, self._grid.period).waves
         body, before, totals = self._body, None, []
         for frequency in self._frequencies:
             s = 2j * math.pi * frequency * factor
             K = body.spectrum(waves).glassy if math.isinf(frequency) else np.asarray(body.stiffness(waves, s))
             K = K if np.any(K.imag) else np.ascontiguousarray(K.real)
+            if attracts:
+                totals.append(complex(attracted(K, curvature, contact, _cell(self._grid))))
+                continue
             if before is not None:
                 ratio = (K / np.where(before[0] == 0, 1.0, before[0])).ravel()[1:]
                 if np.ptp(ratio.real) + np.ptp(ratio.imag) <= 1e-12 * abs(ratio[0]):

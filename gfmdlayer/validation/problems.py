@@ -57,7 +57,7 @@ class Mistake:
     others: tuple[str, ...] = ()  # further dotted keys on whose values the message depends
     at_key: bool = False  # whether the key is wrong instead of its value
     chooses: bool = False  # whether its section has no meaning without the key: it chooses it, or is required
-    # Why two abilities do not go together: physics, or open where only the package lacks what the message says.
+    # Why two abilities do not go together: physics, or open where only the package lacks something.
     because: Literal["", "physics", "open"] = ""
 
     @property

@@ -106,6 +106,28 @@ def test_of_one_material_the_stiffness_is_proportional_to_its_modulus():
     np.testing.assert_allclose(S[2] / S[0], 10.0, rtol=1e-9)  # Ginf/G0
 
 
+def test_beside_an_attraction_the_stiffness_at_rest_is_the_slope_of_the_force(tmp_path):
+    """A quotient of differences on both sides of a depth, while no point of the grid joins the contact."""
+    depth, step = 0.02, 1e-6
+    (tmp_path / "depth.txt").write_text(f"0 0\n1 {depth - step}\n2 {depth}\n3 {depth + step}\n")
+    config = Config(name="a").with_values(
+        {
+            "grid.points": [32, 32],
+            "layer": {"thickness": 0.1, "poisson": 0.3, "material": {"model": "elastic", "G": 1.0}},
+            "halfspace.shear_modulus": float("inf"),
+            "interface": {"law": "exponential", "work": 2e-3, "range": 0.05},
+            "trajectory": {"kind": "table", "file": str(tmp_path / "depth.txt")},
+            "time": {"end": 3.0, "step": 1.0},
+            "solver.tolerance": 1e-12,
+            "output.stiffness": {"frequencies": [0.0]},
+        }
+    )
+    found = gfmdlayer.run(config)
+    assert found.contact_area[1] == found.contact_area[3]
+    slope = 2 * float(found.mean_pressure[3] - found.mean_pressure[1]) / (2 * step)
+    assert float(found.storage_stiffness[2, 0]) == pytest.approx(slope, rel=1e-5)
+
+
 def test_columns_of_every_nth_row_are_nan_in_the_others_but_for_snapshots_and_the_end():
     data = run()
     rows = np.arange(data.sizes["time"])
