@@ -85,17 +85,22 @@ def _problems_without_images(config: Any) -> Iterator[Mistake]:
     if config.friction:
         track = "not available with grid.boundary: isolated; must be a constant velocity"
     cell = "describes a cell, which an isolated contact does not have; remove it"
-    spots = "not available with grid.boundary: isolated: the response of spots without images is missing"
     unused: Sequence[tuple[Any, Location, Sequence[str], str, Literal["physics", "open"]]] = (
         (config.trajectory, ("trajectory",), along, track, "open"),
         (config.output, ("output",), ("observables", "leakage"), cell, "physics"),
-        (config.output, ("output",), ("conductance", "stiffness"), f"{spots}; remove it", "open"),
         (config.output.histograms, ("output", "histograms"), ("pressure", "gap"), cell, "physics"),
     )
     for section, at, keys, message, because in unused:
         for key in keys:
             if getattr(section, key) is not None:
                 yield Mistake((*at, key), message, _BOUNDARY, because=because)
+    for side in ("body", "punch"):
+        if getattr(getattr(config.output.conductance, side, None), "resistivity", 0.0) == math.inf:
+            message = (
+                "got .inf: without images the current has no way out of an insulated back; must be finite"
+            )
+            at = ("output", "conductance", side, "resistivity")
+            yield Mistake(at, message, _BOUNDARY, because="physics")
     if config.trajectory.moves and config.time.step == "adaptive" and not config.time.at_once:
         spacing = config.grid.period[0] / config.grid.points[0]
         message = f"got adaptive; {WHOLE_SPACINGS}, {spacing:.6g}: give time.step"

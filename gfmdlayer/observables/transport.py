@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from gfmdlayer.arrays import FloatArray
     from gfmdlayer.config import Config
-    from gfmdlayer.config.sections import Conductor
+    from gfmdlayer.config.sections import Conductance, Conductor
     from gfmdlayer.resumable import State
     from gfmdlayer.step import Step
 
@@ -200,14 +200,16 @@ class OfSpots(Every):
         import numpy as np
 
         from gfmdlayer.grid.grid import Grid
-        from gfmdlayer.transport.spots import Spots, impedance
+        from gfmdlayer.transport.spots import Conductors, Spots, impedance, inverse
 
         super().__init__(case, every)
         self._spots = None
         if case.grid.ranks.first:
-            q = Grid(case.grid.points, case.grid.period).wavenumbers
-            every_side = [impedance(q, films, base) for films, base in sides]
-            self._spots = Spots(np.sum(every_side, axis=0), _cell(case.grid))
+            whole = Grid(case.grid.points, case.grid.period)
+            Z = np.sum([impedance(whole.wavenumbers, films, base) for films, base in sides], axis=0)
+            if case.config.grid.isolated:
+                Z = inverse(case.in_cell(Conductors(sides)).stiffness(whole.waves, 0.0))
+            self._spots = Spots(Z, _cell(case.grid))
 
     def _total(self, step: Step) -> float:
         """Return the flow through the spots at a potential of 1."""
@@ -256,7 +258,8 @@ class ConductanceColumns(OfSpots):
     """Resistance of the contact spots between two conductors (`output.conductance`).
 
     Constriction and films on both sides, and the films in series over the cell. Without contact it is
-    infinite. On a line it is the resistance times the length of the line.
+    infinite. On a line it is the resistance times the length of the line. Of an isolated contact the cell has
+    no share: potentials count from far away, of a line on a halfspace from the distance `grid.datum`.
     """
 
     COLUMNS = (RESISTANCE,)
@@ -279,10 +282,10 @@ class ConductanceColumns(OfSpots):
     def __init__(self, case: Observed) -> None:
         asked = case.config.output.conductance
         assert asked is not None
-        sides = [_conductor(each) for each in (asked.body, asked.punch)]
+        sides = conductors(asked)
         super().__init__(case, asked.every, sides)
         in_series = sum(d / k for films, base in sides if 0 < base < math.inf for d, k in films)
-        self._series = in_series / math.prod(case.grid.period)
+        self._series = 0.0 if case.config.grid.isolated else in_series / math.prod(case.grid.period)
 
     def measure(self, step: Step) -> Mapping[str, float]:
         """Return the resistance."""
@@ -322,7 +325,7 @@ class StiffnessColumns(Every):
         asked = case.config.output.stiffness
         assert asked is not None
         super().__init__(case, asked.every)
-        self._frequencies, self._body = asked.frequencies, case.body
+        self._frequencies, self._body = asked.frequencies, case.in_cell(case.body)
         self._reduced_time = case.drives.reduced_time
 
     def measure(self, step: Step) -> Mapping[str, Value]:
@@ -381,6 +384,11 @@ def _spacing(grid: Any) -> tuple[float, float]:
 
 def _cell(grid: Any) -> float:
     return float(math.prod(grid.period) / math.prod(grid.points))
+
+
+def conductors(asked: Conductance) -> list[tuple[tuple[tuple[float, float], ...], float]]:
+    """Return films and base of both conductors."""
+    return [_conductor(each) for each in (asked.body, asked.punch)]
 
 
 def _conductor(side: Conductor) -> tuple[tuple[tuple[float, float], ...], float]:

@@ -33,10 +33,13 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from scipy import fft
 
 from gfmdlayer.arrays import BoolArray, FloatArray
+from gfmdlayer.body.materials import Elastic
+from gfmdlayer.body.relaxation import Spectrum
+from gfmdlayer.body.wavevectors import Wavevectors
 
 Field = NDArray[Any]  # real, or complex where Z is
 TOLERANCE = 1e-8  # of the sum, relative
@@ -64,6 +67,35 @@ def inverse(stiffness: Field) -> Field:
     """Return Z = 1/K, with Z = 0 at a mean displacement that the body does not resist."""
     K = np.asarray(stiffness)
     return np.where(K == 0, 0.0, 1 / np.where(K == 0, 1.0, K))
+
+
+class Conductors:
+    """Two conductors as a body of the stiffness 1/Z(q), which may answer without periodic images.
+
+    Parameters
+    ----------
+    sides : sequence of pairs
+        Films (thickness, conductivity), the uppermost first, and the conductivity of the base.
+    """
+
+    def __init__(self, sides: Sequence[tuple[Sequence[tuple[float, float]], float]]) -> None:
+        self._sides = sides
+
+    @property
+    def mean_stiffness(self) -> float:
+        """1/Z at q = 0, where both bases are perfect conductors."""
+        return float(self.stiffness(np.zeros(1), 0.0)[0])
+
+    def stiffness(self, waves: Wavevectors | ArrayLike, s: ArrayLike) -> NDArray[Any]:  # noqa: ARG002
+        """Return 1/Z(q); charge has no memory."""
+        q = np.asarray(Wavevectors.of(waves).magnitude, dtype=float)
+        Z = np.sum([impedance(q, films, base) for films, base in self._sides], axis=0)
+        grounded = all(math.isinf(base) for _, base in self._sides)
+        return np.asarray(np.where((q > 0) | grounded, 1 / np.where(Z > 0, Z, 1.0), 0.0))
+
+    def spectrum(self, waves: Wavevectors | ArrayLike) -> Spectrum:
+        """Return no relaxing modes."""
+        return Spectrum.of_material(self.stiffness(waves, 0.0), Elastic(1.0))
 
 
 class Spots:
