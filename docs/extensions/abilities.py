@@ -185,6 +185,13 @@ def pairs() -> tuple[Pair, ...]:
     return tuple(_pairs())
 
 
+def alone() -> Iterator[tuple[str, tuple[Mistake, ...]]]:
+    """Yield each ability, and why none of its fragments is accepted alone."""
+    for name, fragments in abilities().items():
+        tried = [_refusals(_merged(_BASE, each, over=True), together=name == TOGETHER) for each in fragments]
+        yield name, min(tried, key=len)
+
+
 def _pairs() -> Iterator[Pair]:
     for (one, first), (other, second) in combinations(abilities().items(), 2):
         tried = []

@@ -278,6 +278,7 @@ class Config(Section):
         every = {
             "trajectory": self.trajectory.moves and "a moving punch",
             "body": not isinstance(self.solid, Layers) and "a body that is not made of layers",
+            "grid.geometry": not self.geometry.on_grid and "an axisymmetric indenter",
             "grid.boundary": self.grid.isolated and "an isolated contact",
             "interface": bool(self.friction) and "friction",
             "output.stiffness": self.output.stiffness is not None and "the dynamic stiffness",

@@ -14,10 +14,10 @@ from gfmdlayer.body.relaxation import Spectrum
 from gfmdlayer.body.shifts import WLF, Arrhenius
 from gfmdlayer.case.case import Case
 from gfmdlayer.case.model import simulate
+from gfmdlayer.grid.sums import Sums
 from gfmdlayer.history.modes import SCHEMES, Modes
 from gfmdlayer.history.reduced_time import MotionInReducedTime, ReducedTime
 from gfmdlayer.history.sliding_modes import SlidingModes
-from gfmdlayer.grid.sums import Sums
 from gfmdlayer.time_functions import Constant, Table
 from tests.recordings import Kept
 

@@ -129,7 +129,7 @@ def test_an_isolated_contact_has_the_resistance_and_the_stiffness_of_its_disc():
         R, S = float(found.resistance), float(found.storage_stiffness[0])
         assert pytest.approx(4.0 / (4 * a), rel=4e-3) == R  # the outline of a disc of 15 points is rough
         assert pytest.approx(2 * 4.0 * a, rel=4e-3) == S
-        assert R * S == pytest.approx(4.0 * 4.0 / 2, rel=1e-3)
+        assert pytest.approx(4.0 * 4.0 / 2, rel=1e-3) == R * S
         values.append((R, S))
     np.testing.assert_allclose(values[0], values[1], rtol=2e-3)
 
