@@ -39,9 +39,10 @@ _TABLES = {
     "depth.txt": "0 0\n0.125 0.02\n0.25 0.01\n",
     "velocity.txt": "0 0.5\n0.25 1\n",
     "temperature.txt": "0 20\n0.25 30\n",
-    "stiffness.txt": "1 2\n30 60\n1000 2000\n",
+    "stiffness.txt": "1e-12 2e-12\n1 2\n1e6 2e6\n",
     "body.py": """\
 import gfmdlayer
+import numpy as np
 
 
 class Twice(gfmdlayer.Solid):
@@ -50,10 +51,10 @@ class Twice(gfmdlayer.Solid):
         return 0.0
 
     def stiffness(self, waves, s):
-        return 2 * waves.magnitude
+        return 2 * np.asarray(waves) + 0 * np.asarray(s)
 
     def spectrum(self, waves):
-        return gfmdlayer.Spectrum.of_material(2 * waves.magnitude, gfmdlayer.Elastic(1.0))
+        return gfmdlayer.Spectrum.of_material(2 * np.asarray(waves), gfmdlayer.Elastic(1.0))
 """,
 }
 TOGETHER = "ranks that share a case"
@@ -77,8 +78,8 @@ def abilities() -> Mapping[str, tuple[Fragment, ...]]:
         {"thickness": 0.05, "material": _SHIFTED},
         {"thickness": 0.1, "material": {**_ZENER, "shift": _ARRHENIUS}},
     ]
-    adhesion = {"law": "exponential", "work": 1e-3, "range": 0.05}
-    voltage = {"law": "electrostatic", "voltage": 0.5, "insulation": 0.02, "permittivity": 1e-4}
+    adhesion = {"law": "exponential", "work": 1e-5, "range": 0.01}
+    voltage = {"law": "electrostatic", "voltage": 0.5, "insulation": 1e-4, "permittivity": 1e-10}
     friction: Fragment = {"interface": [_COULOMB]}
 
     def at_temperature(temperature: Fragment) -> tuple[Fragment, ...]:

@@ -8,11 +8,11 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 from gfmdlayer.interface.adhesion import ShortRange
 from gfmdlayer.punch.shapes import SHAPES
-from gfmdlayer.validation.problems import Location, Mistake, shown
+from gfmdlayer.validation.problems import Location, Mistake, Reason, shown
 from gfmdlayer.validation.sections import files_named, plain
 
 if TYPE_CHECKING:
@@ -85,7 +85,7 @@ def _problems_without_images(config: Any) -> Iterator[Mistake]:
     if config.friction:
         track = "not available with grid.boundary: isolated; must be a constant velocity"
     cell = "describes a cell, which an isolated contact does not have; remove it"
-    unused: Sequence[tuple[Any, Location, Sequence[str], str, Literal["physics", "open"]]] = (
+    unused: Sequence[tuple[Any, Location, Sequence[str], str, Reason]] = (
         (config.trajectory, ("trajectory",), along, track, "open"),
         (config.output, ("output",), ("observables", "leakage"), cell, "physics"),
         (config.output.histograms, ("output", "histograms"), ("pressure", "gap"), cell, "physics"),
@@ -158,7 +158,7 @@ def _problems_of_revolution(config: Any) -> Iterator[Mistake]:
             if value is not None and value != getattr(default, key):
                 used = "available" if key in _NOT_YET else "used"
                 message = f"got {shown(plain(value))}, not {used} with {_REVOLUTION}; remove it"
-                because: Literal["physics", "open"] = "open" if key in _NOT_YET else "physics"
+                because: Reason = "open" if key in _NOT_YET else "physics"
                 yield Mistake((name, key), message, _GEOMETRY, because=because)
     if (
         config.temperature is not None

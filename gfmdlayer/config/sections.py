@@ -43,7 +43,7 @@ from gfmdlayer.validation.fields import (
     sequence,
     strict,
 )
-from gfmdlayer.validation.problems import Mistake, not_increasing, shown
+from gfmdlayer.validation.problems import Mistake, Reason, not_increasing, shown
 from gfmdlayer.validation.sections import Section
 
 if TYPE_CHECKING:
@@ -430,7 +430,7 @@ def problems_of_the_inside(config: Any) -> Iterator[Mistake]:
         own, other = (getattr(each, "body", None) for each in (config, config.counterbody))
         kind = next(each.kind for each in (own, other) if not isinstance(each, Layers | None))
         message = f"not available with kind: {kind}, of which the surface alone is known; must be layers"
-        because = "open" if kind == "anisotropic" else "physics"
+        because: Reason = "open" if kind == "anisotropic" else "physics"
         yield Mistake(at, message, ("body", "counterbody"), because=because)
         return
     if config.grid.isolated:

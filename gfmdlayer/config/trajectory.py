@@ -16,7 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from itertools import pairwise
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 from pydantic import Discriminator, Field, Tag
 
@@ -25,7 +25,7 @@ from gfmdlayer.config.sections import AT_ONCE, MOST_ROWS, Time
 from gfmdlayer.contact.solvers import AUTO
 from gfmdlayer.interface.interface import FrictionLaw
 from gfmdlayer.validation.fields import File, Finite, MustBe, NotNegative, Optional, Word, given
-from gfmdlayer.validation.problems import Location, Mistake, dotted, shown
+from gfmdlayer.validation.problems import Location, Mistake, Reason, dotted, shown
 from gfmdlayer.validation.reading import Reading, unread
 from gfmdlayer.validation.sections import Section
 
@@ -422,7 +422,7 @@ def _problems_beside(config: Any, at: Location) -> Iterator[Mistake]:
     above = None if config.counterbody is None else config.counterbody.body
     directed = config.trajectory.tangential is not None or config.trajectory.moves
     yields_in_the_mean = config.trajectory.control == "gap" and config.solid.mean_stiffness > 0
-    refused: dict[Location, tuple[object, str, Literal["", "physics", "open"]]] = {
+    refused: dict[Location, tuple[object, str, Reason]] = {
         ("grid", "geometry"): (
             config.grid.geometry == "axisymmetric",
             "got axisymmetric; must be periodic",
@@ -454,7 +454,7 @@ def _problems_beside(config: Any, at: Location) -> Iterator[Mistake]:
         yield Mistake(at, message, ("interface",), chooses=True, because="physics")
 
 
-def _without_shear(body: Any) -> tuple[bool, str, Literal["", "physics", "open"]]:
+def _without_shear(body: Any) -> tuple[bool, str, Reason]:
     """Return whether a body has no response to shear tractions, what it would have to give, and why."""
     if isinstance(body, Layers | None):
         return False, "", ""

@@ -12,6 +12,7 @@ from os import PathLike
 from typing import Any, Literal
 
 Location = tuple[str | int, ...]
+Reason = Literal["", "physics", "open"]
 
 
 A_NUMBER = "numbers have a decimal point, no quotes and no unit"
@@ -58,7 +59,7 @@ class Mistake:
     at_key: bool = False  # whether the key is wrong instead of its value
     chooses: bool = False  # whether its section has no meaning without the key: it chooses it, or is required
     # Why two abilities do not go together: physics, or open where only the package lacks something.
-    because: Literal["", "physics", "open"] = ""
+    because: Reason = ""
 
     @property
     def key(self) -> str:
