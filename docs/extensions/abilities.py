@@ -36,7 +36,7 @@ _BASE: Fragment = {
     "trajectory": {"ramp_time": 0.25},
 }
 _TABLES = {
-    "depth.txt": "0 0\n0.125 0.02\n0.25 0.01\n",
+    "depth.txt": "0 0\n0.125 0.012\n0.25 0.01\n",
     "velocity.txt": "0 0.5\n0.25 1\n",
     "temperature.txt": "0 20\n0.25 30\n",
     "stiffness.txt": "1e-12 2e-12\n1 2\n1e6 2e6\n",

@@ -165,9 +165,10 @@ class Pair(Solid):
         return any(body.merges for body in self._solids)
 
     def problems_isolated(self) -> Iterator[Mistake]:
-        """Refuse an isolated, axisymmetric indenter."""
-        message = "not available with grid.geometry: axisymmetric, which follows one body; remove it"
-        yield Mistake(("counterbody",), message, because="open")
+        """Yield why one of the bodies does not carry an isolated load."""
+        first, second = self._solids
+        yield from first.problems_isolated()
+        yield from (problem.within(("counterbody",)) for problem in second.problems_isolated())
 
 
 def stacks(body: object) -> tuple[Layers, ...]:

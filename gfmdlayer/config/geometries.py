@@ -79,7 +79,8 @@ def _problems_without_images(config: Any) -> Iterator[Mistake]:
     """Yield keys that need a periodic surface, and bodies and punches without an isolated contact."""
     yield from _problems_of_the_control(config.trajectory.control, _BOUNDARY)
     track = (
-        "not available with grid.boundary: isolated without friction, as the punch leaves the cell; remove it"
+        "not available with grid.boundary: isolated without friction, as the punch leaves the cell; remove it, "
+        "or add interface: {law: coulomb, coefficient: 0}"
     )
     along = ["velocity_file"] if config.friction else ["velocity", "velocity_file"]
     if config.friction:

@@ -80,3 +80,20 @@ def test_a_sphere_with_adhesion_without_a_range_is_torn_off_by_the_force_of_jkr(
 def test_a_grid_refuses_adhesion_without_a_range():
     with pytest.raises(gfmdlayer.ConfigError, match="must have a range that the grid resolves"):
         gfmdlayer.Config(name="a", interface={"law": "short_range", "work": WORK})
+
+
+def test_two_bodies_deform_like_one_whose_compliance_is_their_sum():
+    """Halfspaces against Hertz, 1/E* = 1/E*_1 + 1/E*_2; a layer and a halfspace in either order."""
+    depth = {"trajectory": {"depth": 0.01}, "time": {"end": 2.0, "step": "adaptive", "tolerance": 1e-5}}
+    half = {"halfspace": {"shear_modulus": 3.0, "poisson": 0.3}}
+    found = gfmdlayer.run({**sphere(model="elastic", G=1.0), **depth, "counterbody": half})
+    modulus = 1 / (0.5 / 2 + 0.7 / (2 * 3.0))
+    assert float(found.force[-1]) == pytest.approx(4 / 3 * modulus * RADIUS**0.5 * 0.01**1.5, rel=1e-6)
+    layer = {"layer": {"thickness": 0.1, "poisson": 0.4}, "halfspace": {"shear_modulus": 8.0}}
+    rubber = sphere(model="zener", G0=2.0, Ginf=6.0, tau=0.3)
+    soft = {key: rubber[key] for key in ("layer",)}
+    one = gfmdlayer.run({**rubber, **depth, "counterbody": layer})
+    other = gfmdlayer.run({**rubber, **layer, **depth, "counterbody": soft})
+    assert float(other.force[-1]) == pytest.approx(float(one.force[-1]), rel=2e-5)
+    with pytest.raises(gfmdlayer.ConfigError, match="counterbody.halfspace.shear_modulus: got 0"):
+        gfmdlayer.Config(**rubber, counterbody={**layer, "halfspace": {"shear_modulus": 0}})
