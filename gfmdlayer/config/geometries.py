@@ -78,16 +78,10 @@ def _problems_of_the_control(control: str, others: tuple[str, ...]) -> Iterator[
 def _problems_without_images(config: Any) -> Iterator[Mistake]:
     """Yield keys that need a periodic surface, and bodies and punches without an isolated contact."""
     yield from _problems_of_the_control(config.trajectory.control, _BOUNDARY)
-    track = (
-        "not available with grid.boundary: isolated without friction, as the punch leaves the cell; remove it, "
-        "or add interface: {law: coulomb, coefficient: 0}"
-    )
-    along = ["velocity_file"] if config.friction else ["velocity", "velocity_file"]
-    if config.friction:
-        track = "not available with grid.boundary: isolated; must be a constant velocity"
+    track = "not available with grid.boundary: isolated; must be a constant velocity"
     cell = "describes a cell, which an isolated contact does not have; remove it"
     unused: Sequence[tuple[Any, Location, Sequence[str], str, Reason]] = (
-        (config.trajectory, ("trajectory",), along, track, "open"),
+        (config.trajectory, ("trajectory",), ("velocity_file",), track, "open"),
         (config.output, ("output",), ("observables", "leakage"), cell, "physics"),
         (config.output.histograms, ("output", "histograms"), ("pressure", "gap"), cell, "physics"),
     )

@@ -38,7 +38,7 @@ from gfmdlayer.config.trajectory import (
 )
 from gfmdlayer.contact.solvers import AUTO, SOLVERS, Choice, choose, contrast, finer
 from gfmdlayer.interface.adhesion import NO_PERMITTIVITY, Electrostatic
-from gfmdlayer.interface.interface import FrictionLaw, Interface
+from gfmdlayer.interface.interface import Coulomb, FrictionLaw, Interface
 from gfmdlayer.interface.laws import LAWS
 from gfmdlayer.made_once import kept_with
 from gfmdlayer.punch.shape import Shape
@@ -339,7 +339,10 @@ class Config(Section):
 
     @property
     def friction(self) -> tuple[FrictionLaw, ...]:
-        """The laws of friction, of which the smaller traction counts; empty without friction."""
+        """The laws of friction, of which the smaller traction counts; empty without friction.
+
+        An isolated contact that moves without a law has the coefficient 0.
+        """
         return _laws(self)[1]
 
     @property
@@ -502,7 +505,11 @@ def _laws(config: Config) -> tuple[tuple[Interface, ...], tuple[FrictionLaw, ...
     """Return the laws of the interface that attract, and those of friction."""
     every = config.interface_laws.values()
     attracting = tuple(law for law in every if law.attracts)
-    return attracting, tuple(law for law in every if isinstance(law, FrictionLaw))
+    friction = tuple(law for law in every if isinstance(law, FrictionLaw))
+    if not friction and config.grid.isolated and config.trajectory.moves:
+        # Material that enters an isolated cell is at rest: followed by its tractions, here without shear.
+        friction = (Coulomb(coefficient=0.0),)
+    return attracting, friction
 
 
 @kept_with

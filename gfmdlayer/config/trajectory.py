@@ -348,13 +348,15 @@ def problems_of_the_friction(config: Any) -> Iterator[Mistake]:
         if config.time.at_once:
             message = f"got {AT_ONCE}, which needs friction; give a relative change, or {_WITH_FRICTION}"
             yield Mistake(("time", "steady"), message, ("interface",))
+        if config.friction:
+            yield from _problems_beside(config, ("trajectory", "velocity"), "a moving isolated contact")
         return
     for i, (at, law) in enumerate(laws):
         if any(type(law) is type(earlier) for _, earlier in laws[:i]):
             yield Mistake((*at, "law"), f"got {law.law!r} twice; give it once", ("interface",), chooses=True)
     at = (*laws[0][0], "law")
     yield from _problems_of_the_drive(config)
-    yield from _problems_beside(config, at)
+    yield from _problems_beside(config, at, "friction at the interface")
 
 
 def _problems_of_the_drive(config: Any) -> Iterator[Mistake]:
@@ -417,7 +419,7 @@ def _problems_of_the_steps(config: Any) -> Iterator[Mistake]:
             yield Mistake(("time", "step"), message, ("trajectory.velocity", "time.end", "grid.points"))
 
 
-def _problems_beside(config: Any, at: Location) -> Iterator[Mistake]:
+def _problems_beside(config: Any, at: Location, words: str) -> Iterator[Mistake]:
     """Yield what friction does not go with, at the place of its law or at the other key."""
     above = None if config.counterbody is None else config.counterbody.body
     directed = config.trajectory.tangential is not None or config.trajectory.moves
@@ -447,11 +449,11 @@ def _problems_beside(config: Any, at: Location) -> Iterator[Mistake]:
     for place, (is_refused, message, because) in refused.items():
         if is_refused:
             law = (dotted(at),)
-            yield Mistake(place, f"{message} with friction at the interface", law, because=because)
+            yield Mistake(place, f"{message} with {words}", law, because=because)
     if config.hardness is not None:
         reason = "where surfaces yield, shear lowers the hardness; remove one of the two laws"
-        message = f"friction beside a hardness is not available: {reason}"
-        yield Mistake(at, message, ("interface",), chooses=True, because="physics")
+        message = f"{words} beside a hardness is not available: {reason}"
+        yield Mistake(at, message, ("interface",), chooses=at[0] == "interface", because="physics")
 
 
 def _without_shear(body: Any) -> tuple[bool, str, Reason]:

@@ -95,5 +95,5 @@ def test_two_bodies_deform_like_one_whose_compliance_is_their_sum():
     one = gfmdlayer.run({**rubber, **depth, "counterbody": layer})
     other = gfmdlayer.run({**rubber, **layer, **depth, "counterbody": soft})
     assert float(other.force[-1]) == pytest.approx(float(one.force[-1]), rel=2e-5)
-    with pytest.raises(gfmdlayer.ConfigError, match="counterbody.halfspace.shear_modulus: got 0"):
+    with pytest.raises(gfmdlayer.ConfigError, match=r"counterbody\.halfspace\.shear_modulus: got 0"):
         gfmdlayer.Config(**rubber, counterbody={**layer, "halfspace": {"shear_modulus": 0}})
