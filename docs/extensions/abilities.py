@@ -37,6 +37,7 @@ _BASE: Fragment = {
 }
 _TABLES = {
     "depth.txt": "0 0\n0.125 0.012\n0.25 0.01\n",
+    "gap.txt": "0 0.18\n0.25 0.15\n",
     "velocity.txt": "0 0.5\n0.25 1\n",
     "temperature.txt": "0 20\n0.25 30\n",
     "stiffness.txt": "1e-12 2e-12\n1 2\n1e6 2e6\n",
@@ -139,6 +140,7 @@ def abilities() -> Mapping[str, tuple[Fragment, ...]]:
         ),
         "measured depth": (
             {"trajectory": {"kind": "table", "ramp_time": None, "file": file["depth.txt"]}},
+            {"trajectory": {"control": "gap", "kind": "table", "ramp_time": None, "file": file["gap.txt"]}},
         ),
         "adaptive steps": ({"time": {"step": "adaptive", "tolerance": 1e-2}},),
         "backward Euler": ({"time": {"integrator": "backward_euler"}},),
