@@ -133,7 +133,8 @@ def abilities() -> Mapping[str, tuple[Fragment, ...]]:
             {"trajectory": {"control": "force", "force": 1e-3}}, {"trajectory": {"control": "force"}},
         ),
         "mean gap": (
-            {"trajectory": {"control": "gap", "gap": 0.15}}, {"trajectory": {"control": "gap"}},
+            {"trajectory": {"control": "gap", "gap": 0.15}},
+            {"trajectory": {"control": "gap", "kind": "table", "ramp_time": None, "file": file["gap.txt"]}},
         ),
         "retraction": (
             {"trajectory": {"kind": "approach_retract", "ramp_time": None, "approach_speed": 0.08}},
