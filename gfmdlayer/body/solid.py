@@ -260,7 +260,7 @@ class LayerDepth(NamedTuple):
     @property
     def mirrored(self) -> LayerDepth:
         """The place at this depth in the other body."""
-        return LayerDepth(-self.depth, -1 - self.layer)
+        return LayerDepth(0.0 - self.depth, -1 - self.layer)  # no -0.0
 
 
 def places(thicknesses: Sequence[float], depths: Sequence[float]) -> list[LayerDepth]:

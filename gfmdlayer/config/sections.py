@@ -438,9 +438,6 @@ def problems_of_the_inside(config: Any) -> Iterator[Mistake]:
             "not available with boundary: isolated: the stress inside without images is missing; remove it"
         )
         yield Mistake(at, message, ("grid.boundary",), because="open")
-    if config.friction and len(bodies) > 1:
-        message = "not available with friction and two bodies: tractions along the counterbody are missing"
-        yield Mistake(at, f"{message}; remove it", ("interface", "counterbody"), because="open")
     for body, name in zip(bodies, ("body", "counterbody"), strict=False):
         if inside.depths is not None and (below := beyond(thicknesses(body), inside.depths)) is not None:
             i, whole = below

@@ -72,6 +72,16 @@ class Interior(ABC):
 
     @property
     @abstractmethod
+    def rows(self) -> int:
+        """Number of rows of `SpringFields`."""
+
+    @property
+    def kept(self) -> int:
+        """Number of fields in which a snapshot keeps strains or forces."""
+        return self.rows
+
+    @property
+    @abstractmethod
     def keeps_springs(self) -> bool:
         """Whether only the springs of a snapshot determine the fields at other depths."""
 
@@ -153,6 +163,11 @@ class NormalInterior(Interior):
         largest = np.pi * np.divide(grid.points, grid.period)[:, np.newaxis]
         self._n = q / np.where(size > 0, size, 1.0)
         self._odd = np.where(np.abs(q) < (1 - 1e-9) * largest, self._n, 0.0)
+
+    @property
+    def rows(self) -> int:
+        """Number of rows of `SpringFields`."""
+        return self.inside.layer.size
 
     @property
     def keeps_springs(self) -> bool:
@@ -247,41 +262,61 @@ class PairInterior(Interior):
     The rows of `SpringFields` are those of the body, and then those of the counterbody.
     """
 
-    def __init__(self, bodies: Sequence[Layers], grid: Grid, places: Sequence[LayerDepth]) -> None:
-        super().__init__(bodies[0], grid, places)
-        self._own = [NormalInterior(body, grid, places, body.spectrum) for body in bodies]
+    def __init__(self, own: Sequence[Interior]) -> None:
+        super().__init__(own[0].body, own[0].grid, own[0].places)
+        self._own = own
+
+    @property
+    def rows(self) -> int:
+        """Number of rows of `SpringFields`."""
+        return sum(own.rows for own in self._own)
 
     @property
     def keeps_springs(self) -> bool:
-        """Whether layers of different laws relax in a body."""
+        """Whether those of a body are needed."""
         return any(own.keeps_springs for own in self._own)
 
     def springs(self, history: Any, tractions: ComplexArray) -> SpringFields:
-        """Return the springs of both bodies."""
-        both = zip(self._own, history.bodies, strict=True)
-        return _stacked([own.springs(body, tractions) for own, body in both])
+        """Return the springs of both bodies, under their shared pressure and opposite shear tractions."""
+        every = zip(self._own, history.bodies, _on_both(tractions), strict=True)
+        return _stacked([own.springs(body, of) for own, body, of in every])
 
     def of_surface(self, u: ComplexArray | None, p: ComplexArray) -> SpringFields:
-        """Return the springs for the displacements of both surfaces, each out of its body, (2, nq)."""
-        assert u is not None
-        return _stacked([own.of_surface(part, p) for own, part in zip(self._own, u, strict=True)])
+        """Return the springs for the displacements of both surfaces, each out of its body, (2, ...)."""
+        every = zip(self._own, (None, None) if u is None else u, _on_both(p), strict=True)
+        return _stacked([own.of_surface(part, of) for own, part, of in every])
 
     def at(
         self, springs: SpringFields, place: LayerDepth, names: Collection[str] | None = None
     ) -> dict[str, FloatArray]:
         """Return the fields at a place of one of the bodies."""
-        first, second = self._own
-        of_first = first.inside.layer.size
+        (first, second), of_first = self._own, self._own[0].rows
         if place.layer >= 0:
             return first.at(SpringFields(*(each[:of_first] for each in springs)), place, names)
         fields = second.at(SpringFields(*(each[of_first:] for each in springs)), place.mirrored, names)
         return {name: -field if name in _ODD_IN_Z else field for name, field in fields.items()}
 
+    def _kept(self, values: ComplexArray) -> FloatArray:
+        of_first = self._own[0].rows
+        both = zip(self._own, (values[:of_first], values[of_first:]), strict=True)
+        return np.concatenate([own._kept(part) for own, part in both])
+
+    def _recalled(self, fields: FloatArray) -> ComplexArray:
+        first, second = self._own
+        return np.vstack((first._recalled(fields[: first.kept]), second._recalled(fields[first.kept :])))
+
     def _spectra(self, springs: SpringFields, place: LayerDepth) -> ComplexArray:
-        raise NotImplementedError
+        raise NotImplementedError  # each body has its own
 
     def _means(self, springs: SpringFields, depth: float) -> Mapping[str, ComplexArray]:
         raise NotImplementedError
+
+
+def _on_both(tractions: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
+    """Return the pressure, or pressure and shear tractions, on the body and on the counterbody."""
+    if tractions.ndim == 1:
+        return tractions, tractions
+    return tractions, np.concatenate((tractions[:1], -tractions[1:]))
 
 
 def _stacked(springs: Sequence[SpringFields]) -> SpringFields:

@@ -45,6 +45,17 @@ class TractionInterior(Interior):
         self._parts = [TractionFields(body, different, in_plane=plane) for plane in (True, False)[:axes]]
 
     @property
+    def rows(self) -> int:
+        """Number of rows of `SpringFields`."""
+        return self._first(len(self._parts))
+
+    @property
+    def kept(self) -> int:
+        """Number of fields in which a snapshot keeps strains or forces."""
+        others = 2 * self.rows * np.count_nonzero(self._waves.share < 1)
+        return self.rows - (-others // self.grid.size)
+
+    @property
     def keeps_springs(self) -> bool:
         """Whether a layer relaxes: the displacements along the surface then depend on the past."""
         return not alike([*(layer.material for layer in self.body.present), Elastic(1.0)])
@@ -87,7 +98,7 @@ class TractionInterior(Interior):
 
     def _recalled(self, fields: FloatArray) -> ComplexArray:
         """Return the values of the springs on all waves."""
-        count, shared = self._first(len(self._parts)), self._waves.share < 1
+        count, shared = self.rows, self._waves.share < 1
         values = super()._recalled(fields[:count])[:, self._waves.mode]
         others = np.ascontiguousarray(fields[count:]).ravel()[: 2 * count * np.count_nonzero(shared)]
         values[:, shared] = others.view(complex).reshape(count, -1)

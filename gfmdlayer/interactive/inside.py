@@ -93,11 +93,10 @@ def inside(
     steps = [float(data[name][1] - data[name][0]) for name in axes]
     sizes = tuple(data.sizes[name] for name in axes)
     grid = Grid(sizes, tuple(n * h for n, h in zip(sizes, steps, strict=True)))
-    interior: Interior
-    if len(bodies) > 1:
-        interior = PairInterior(bodies, grid, rows)
-    else:
-        interior = (TractionInterior if shear else NormalInterior)(bodies[0], grid, rows)
+    own: list[Interior] = [
+        (TractionInterior if shear else NormalInterior)(each, grid, rows) for each in bodies
+    ]
+    interior = own[0] if len(own) == 1 else PairInterior(own)
 
     def waves(name: str) -> ComplexArray:
         """Return the transforms of a field, (*leads, nq)."""
@@ -119,16 +118,17 @@ def inside(
     ]
     p = waves("pressure")
     u: ComplexArray | None = waves("displacement")
-    if len(bodies) > 1:
-        u = np.stack([waves(f"displacement_{name}") for name in ("body", "counterbody")], axis=-2)
-    elif shear:
+    if shear:
         p, along = vectors(p, *shear), [f"displacement_{axis}" for axis in axes]
         if elastic:
             u = None
-        elif all(name in data and "z" not in data[name].dims for name in along):  # of `solve`
-            u = vectors(-waves("displacement"), *along)
+        elif len(bodies) == 1 and all(name in data and "z" not in data[name].dims for name in along):
+            u = vectors(-waves("displacement"), *along)  # of `solve`
         else:
-            u = np.full(p.shape, np.nan, dtype=complex)
+            each = [len(bodies)] * (len(bodies) > 1)
+            u = np.full((*p.shape[:-2], *each, *p.shape[-2:]), np.nan, dtype=complex)
+    elif len(bodies) > 1:
+        u = np.stack([waves(f"displacement_{name}") for name in ("body", "counterbody")], axis=-2)
     for at in np.ndindex(shape):
         if recorded:
             springs = interior.recalled(*(of[at] for of in recorded))
