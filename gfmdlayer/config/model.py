@@ -24,7 +24,7 @@ from gfmdlayer.body.continuous import ContinuousLaw
 from gfmdlayer.body.layer import Halfspace, Layer, StackedLayers, in_units
 from gfmdlayer.body.layers import Layers
 from gfmdlayer.body.materials import Law, Temperature, temperature_problems
-from gfmdlayer.body.pair import Pair
+from gfmdlayer.body.pair import Pair, stacks
 from gfmdlayer.body.solid import OneModulus, Solid
 from gfmdlayer.config import sections, sweeps
 from gfmdlayer.config.bodies import Counterbody, layered, problems_of_the_body, problems_of_the_counterbody
@@ -277,7 +277,7 @@ class Config(Section):
         """The keys for which layers cannot have reduced times of their own, and what they describe."""
         every = {
             "trajectory": self.trajectory.moves and "a moving punch",
-            "body": not isinstance(self.solid, Layers) and "a body that is not made of layers",
+            "body": not stacks(self.solid) and "a body that is not made of layers",
             "grid.geometry": not self.geometry.on_grid and "an axisymmetric indenter",
             "grid.boundary": self.grid.isolated and "an isolated contact",
             "interface": bool(self.friction) and "friction",

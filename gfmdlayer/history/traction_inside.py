@@ -13,6 +13,7 @@ that are odd along the axis vanish. At the mean U, V, T and S are u_x, u_y, t_x 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -52,8 +53,8 @@ class TractionInterior(Interior):
     @property
     def kept(self) -> int:
         """Number of fields in which a snapshot keeps strains or forces."""
-        others = 2 * self.rows * np.count_nonzero(self._waves.share < 1)
-        return self.rows - (-others // self.grid.size)
+        others = 2 * self.rows * int(np.count_nonzero(self._waves.share < 1))
+        return self.rows + math.ceil(others / self.grid.size)
 
     @property
     def keeps_springs(self) -> bool:
