@@ -16,7 +16,7 @@ from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gfmdlayer.body.materials import Material, shifts
+from gfmdlayer.body.materials import Material, PronySeries, shifts
 from gfmdlayer.body.shifts import Shift
 from gfmdlayer.config import Config
 from gfmdlayer.config.sections import MOST_ROWS
@@ -42,7 +42,8 @@ _FIRST_PART, _GROWTH, _GROWTH_OF_SWING = 10.0, 10.0, 30.0
 
 # The imposed quantities in files: their names in headings, and their units in words of a configuration.
 _IMPOSED = {
-    "depth": ("depth", "length"), "load": ("mean pressure", "pressure"), "force": ("force", "force"),
+    "depth": ("depth", "length"), "gap": ("mean gap", "length"), "load": ("mean pressure", "pressure"),
+    "force": ("force", "force"),
     "velocity": ("velocity", "length / time"), "displacement": ("displacement", "length"),
     "tangential force": ("tangential force", "force"), "temperature": ("temperature", "degC"),
     "voltage": ("voltage", "V"),
@@ -71,7 +72,7 @@ class Drives:
 
     @cached_property
     def drive(self) -> TimeFunction:
-        """Depth or mean pressure over time, as `trajectory.control` says.
+        """Depth, mean gap or mean pressure over time, as `trajectory.control` says; see `closing`.
 
         A force is divided by the area of the cell, by the length of a line's cell, or by 1 where the contact
         is isolated.
@@ -86,6 +87,20 @@ class Drives:
 
         times, values = np.array(trajectory.corners).T
         return Table(times, values / unit)
+
+    def closing(self, mean_height: float) -> Drives:
+        """Return the drives with the depth for each mean gap, for a punch of this mean height."""
+        drive = self.drive
+        if isinstance(drive, RampHold):  # from the first touch
+            depth: TimeFunction = replace(drive, target=mean_height - drive.target)
+        elif isinstance(drive, Table):
+            depth = replace(drive, values=mean_height - drive.values)
+        else:
+            raise TypeError(
+                f"trajectory: got {type(drive).__name__}; must be RampHold or Table with control: gap"
+            )
+        others = {name: part for name, part in vars(self).items() if name not in ("config", "drive")}
+        return Drives(self.config, depth, **others)
 
     def _prescribed(self, section: Any, quantity: str) -> tuple[float, Table | None]:
         """Return the unit of a drive, the area of the cell for a force, and the drive where it is a table."""
@@ -184,6 +199,30 @@ class Drives:
         felt = (None if isinstance(law, Material) and law.elastic else law.shift for law in laws)
         return tuple(None if shift is None else ReducedTime(shift, temperature) for shift in felt)
 
+    @property
+    def elapse_apart(self) -> bool:
+        """Whether reduced times of layers differ by a ratio that changes."""
+        apart = self.reduced_time is None and any(self.reduced_times)
+        return apart and not isinstance(self.temperature, Constant)
+
+    @cached_property
+    def _slowed(self) -> tuple[float, ...]:
+        """Factor of the times of each law where shifts differ at a constant temperature, else 1."""
+        once = self.reduced_time is None and not self.elapse_apart
+        return tuple(each.factor(0.0) if once and each is not None else 1.0 for each in self.reduced_times)
+
+    def series(self, wavenumber: float = 0.0) -> tuple[PronySeries, ...]:
+        """Return the laws of the case as series of Maxwell branches over the times of its run.
+
+        `wavenumber` [1/length] is the largest one along x that a moving punch drives. At a constant
+        temperature the times of laws with different shifts are those at this temperature.
+        """
+        every = zip(self.config.laws, self.reduced_times, self._slowed, strict=True)
+        return tuple(
+            law.prony(*self.times_of_response(reduced, wavenumber)).slowed(factor)
+            for law, reduced, factor in every
+        )
+
     def elapsed(self, instant: Instant) -> float:
         """Return the length of the step to a time point, in reduced time where the whole body has one."""
         if self.reduced_time is None:
@@ -203,7 +242,7 @@ class Drives:
     def least_scales(self) -> tuple[float, float]:
         """Smallest scales of response and depth: the range of an interface that attracts, else zero."""
         reach = self.interface.range if self.interface.attracts else 0.0
-        return reach if self.config.trajectory.control != "depth" else 0.0, reach
+        return 0.0 if self.config.trajectory.places else reach, reach
 
     @property
     def drawn(self) -> tuple[float, float, float]:
@@ -213,7 +252,7 @@ class Drives:
         """
         corners = self.drive.breakpoints
         largest = max(float(self.drive(time)) for time in (0.0, *corners))
-        growth = 1.0 if self.config.trajectory.control == "depth" else 2 / 3
+        growth = 1.0 if self.config.trajectory.places else 2 / 3
         return largest, growth, min((time for time in corners if time > 0), default=math.inf)
 
     @property

@@ -52,13 +52,13 @@ class Constant:
     value: float
     breakpoints: tuple[float, ...] = ()
 
-    def in_time(self, unit: float) -> Constant:
-        """Return this velocity where time is counted in a unit."""
-        return Constant(self.value * unit)
-
     def scaled(self, ratio: float) -> Constant:
         """Return a multiple of this velocity."""
         return Constant(self.value * ratio)
+
+    def over(self, _begin: float, _length: float, /) -> tuple[float, float]:
+        """Values at the ends of a stretch of time, over which it is linear."""
+        return self.value, self.value
 
     def __call__(self, _time: float, /) -> float:
         """Value at a time."""
@@ -107,13 +107,13 @@ class Table:
             raise TableError(f"{file}: the first time is {times[0]:g}; {start}")
         return cls(times, values, table.account)
 
-    def in_time(self, unit: float) -> Table:
-        """Return this velocity where time is counted in a unit."""
-        return Table(self.times / unit, self.values * unit)
-
     def scaled(self, ratio: float) -> Table:
         """Return a multiple of this velocity."""
         return Table(self.times, self.values * ratio)
+
+    def over(self, begin: float, length: float) -> tuple[float, float]:
+        """Values at the ends of a stretch of time, over which it is linear."""
+        return self(begin), self(begin + length)
 
     @property
     def breakpoints(self) -> tuple[float, ...]:

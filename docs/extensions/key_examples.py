@@ -155,6 +155,9 @@ punch: {shape: radial_profile, file: profile.txt}""",
     "LennardJones": "interface: {law: lennard_jones, work: 2.0e-4, separation: 1.0e-3}",
     "Electrostatic": """\
 interface: {law: electrostatic, voltage: 600.0, insulation: 3.0e-6, permittivity: 8.854e-12}""",
+    "ShortRange": """\
+grid: {geometry: axisymmetric}
+interface: {law: short_range, work: 1.0e-3, edge_speed: 0.1, edge_exponent: 0.6, healing_work: 0}""",
     "Coulomb": """\
 interface: {law: coulomb, coefficient: 0.4}
 ---
@@ -200,6 +203,8 @@ interface: {law: electrostatic, voltage: 600.0, insulation: [{thickness: 1.0e-5,
 trajectory: {control: depth, kind: ramp_hold, depth: 0.01, ramp_time: 1.0}
 ---
 trajectory: {control: load, load: 0.02, ramp_time: 0.1, velocity: 0.1}
+---
+trajectory: {control: gap, gap: 0.1}
 ---
 trajectory: {control: force, force: 0.02, velocity_file: velocity.txt}
 ---

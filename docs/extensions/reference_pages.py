@@ -1,4 +1,4 @@
-"""Reference pages that follow from the code: configuration keys, output columns, command line, public names.
+"""Reference pages that follow from the code: configuration keys, columns, command line, public names, pairs.
 
 They are written into reference/ when a build begins, and are never edited or committed.
 """
@@ -12,6 +12,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import abilities
 from key_examples import EXAMPLES
 
 import gfmdlayer
@@ -68,6 +69,7 @@ def _write_pages(app: Sphinx, _settings: Settings) -> None:
         "columns.md": columns(),
         "command-line.md": command_line_page(),
         "python.rst": python(),
+        "together.md": abilities.page(),
     }
     for name, lines in pages.items():
         text, path = "\n".join(lines) + "\n", folder / name

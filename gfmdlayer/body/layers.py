@@ -17,7 +17,7 @@ from pydantic import PrivateAttr
 
 from gfmdlayer.body.layer import Halfspace, Layer, StackedLayer
 from gfmdlayer.body.materials import Elastic, Law, Material
-from gfmdlayer.body.solid import Relaxation, Solid
+from gfmdlayer.body.solid import LayerDepth, Relaxation, Solid
 from gfmdlayer.validation.problems import ConfigError, Mistake
 from gfmdlayer.validation.sections import alone
 
@@ -283,7 +283,8 @@ class Layers(Solid):
         """Refuse layers without a base."""
         if self._base.shear_modulus == 0 and math.isfinite(sum(self.thicknesses)):
             message = "got 0: a layer without a base does not support an isolated load; must be > 0"
-            yield Mistake(("halfspace", "shear_modulus"), message, ("layer.thickness", "layers"))
+            others = ("layer.thickness", "layers")
+            yield Mistake(("halfspace", "shear_modulus"), message, others, because="physics")
 
 
 def _check(layers: Sequence[Layer], *, rigid: bool) -> None:
@@ -297,18 +298,16 @@ def _check(layers: Sequence[Layer], *, rigid: bool) -> None:
         raise ConfigError(["rigid: the last layer is a halfspace, which has no base"])
 
 
-def thicknesses(solid: Solid) -> list[float]:
+def thicknesses(body: Layers) -> list[float]:
     """Return the thicknesses of the layers that a body has, from the surface down; inf: a halfspace."""
-    assert isinstance(solid, Layers)
-    return [layer.thickness for layer in solid.present]
+    return [layer.thickness for layer in body.present]
 
 
-def interfaces(solid: Solid) -> list[float]:
-    """Return the depths of the interfaces between layers, and of the bond to a rigid base."""
-    layers = thicknesses(solid)
-    assert isinstance(solid, Layers)
-    bonded = layers if solid.base.shear_modulus == math.inf else layers[:-1]
-    return [depth for depth in accumulate(bonded) if math.isfinite(depth)]
+def interfaces(body: Layers) -> list[LayerDepth]:
+    """Return the interfaces between layers, and the bond to a rigid base, from the side above each."""
+    layers = thicknesses(body)
+    bonded = layers if body.base.shear_modulus == math.inf else layers[:-1]
+    return [LayerDepth(depth, i) for i, depth in enumerate(accumulate(bonded)) if math.isfinite(depth)]
 
 
 # Bodies made in Python.

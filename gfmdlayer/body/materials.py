@@ -18,7 +18,7 @@ from __future__ import annotations
 import math
 from abc import abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import ConfigDict, Field
@@ -298,6 +298,14 @@ class PronySeries:
     error_in_time: float = 0.0
     error_in_frequency: float = 0.0  # bound on |error of G(omega)|/|G(omega)|
 
+    def slowed(self, factor: float) -> PronySeries:
+        """Return the series with all times multiplied by a factor."""
+        if factor == 1:
+            return self
+        branches = tuple((G, factor * tau) for G, tau in self.material.maxwell_branches)
+        times = {"shortest": factor * self.shortest, "longest": factor * self.longest}
+        return replace(self, material=Prony(self.material.relaxed, branches), **times)
+
 
 # Laws of a spring beside Maxwell branches: elastic, Zener, Prony.
 
@@ -480,8 +488,6 @@ class Prony(Material):
 
 # The temperature of the body, and whether the laws of its materials have a shift for it.
 
-_MOTION = ("trajectory.velocity", "trajectory.velocity_file")
-
 
 class Temperature(Section):
     """Temperature of the whole body, which shifts the relaxation times of materials with a `shift`."""
@@ -500,7 +506,8 @@ class Temperature(Section):
         if self.value is None and self.file is None:
             yield Mistake((), "has neither value nor file; must be {value: ...} or {file: ...}")
         if self.value is not None and self.file is not None:
-            yield Mistake(("file",), "given beside value; remove one of the two", ("value",))
+            message = "given beside value; remove one of the two"
+            yield Mistake(("file",), message, ("value",), because="physics")
         yield from unread(self, "file")
 
 
@@ -511,9 +518,12 @@ def shifts(config: Section) -> dict[Location, Shift | None]:
 
 
 def temperature_problems(
-    config: Section, temperature: Temperature | None, *, moves: bool, layered: bool
+    config: Section, temperature: Temperature | None, one_reduced_time: Mapping[str, str]
 ) -> Iterator[Mistake]:
-    """Yield why a temperature and the shifts of materials do not go together."""
+    """Yield why a temperature and the shifts of materials do not go together.
+
+    `one_reduced_time` has the keys that need one reduced time of the whole body, and what they describe.
+    """
     if temperature is None:
         for at, law in sections_in(config):
             if isinstance(law, Law) and law.shift is not None:
@@ -522,6 +532,7 @@ def temperature_problems(
         return
     by_place = shifts(config)
     others = tuple(dotted(at) for at in by_place)
+    differs = next((at for at, shift in by_place.items() if shift != next(iter(by_place.values()))), None)
     if not any(by_place.values()):
         message = "no material that relaxes has a shift; remove it or give a shift"
         yield Mistake(("temperature",), message, others)
@@ -529,15 +540,16 @@ def temperature_problems(
         at = next(at for at, shift in by_place.items() if shift is None)
         message = "missing; all materials that relax must have a shift, or none"
         yield Mistake((*at, "shift"), message, others)
-    elif (moves or not layered) and len(set(by_place.values())) > 1:
-        at = next(at for at, shift in by_place.items() if shift != next(iter(by_place.values())))
-        where = "where the punch moves" if layered else "in a body that is not made of layers"
-        message = f"differs from the shifts of other materials; must be the same {where}"
-        yield Mistake((*at, "shift"), message, (*others, *(_MOTION if layered else ("body",))))
+    elif differs is not None and temperature.file is not None and one_reduced_time:
+        message = (
+            "differs from the shifts of other materials, while the temperature changes: "
+            f"{' and '.join(one_reduced_time.values())} must have one reduced time in the whole body; give "
+            "the same shift, or a constant temperature.value"
+        )
+        yield Mistake(
+            (*differs, "shift"), message, (*others, "temperature", *one_reduced_time), because="open"
+        )
     if temperature.value is not None:
         for at, shift in by_place.items():
             if shift is not None and (refused := shift.refused(temperature.value)):
                 yield Mistake(("temperature", "value"), refused, (f"{dotted(at)}.shift",))
-    if temperature.file is not None and moves:
-        message = "given with a moving punch; must be a constant temperature.value"
-        yield Mistake(("temperature", "file"), message, _MOTION)

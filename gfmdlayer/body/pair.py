@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Any, Literal, cast
 
 from pydantic import PrivateAttr
 
+from gfmdlayer.body.layers import Layers
 from gfmdlayer.body.materials import Law, Material
-from gfmdlayer.body.solid import Relaxation, Solid
+from gfmdlayer.body.solid import LayerDepth, Relaxation, Solid
 from gfmdlayer.validation.problems import Mistake
 from gfmdlayer.validation.sections import alone
 
@@ -164,6 +165,19 @@ class Pair(Solid):
         return any(body.merges for body in self._solids)
 
     def problems_isolated(self) -> Iterator[Mistake]:
-        """Refuse an isolated, axisymmetric indenter."""
-        message = "not available with grid.geometry: axisymmetric; remove it or change the geometry"
-        yield Mistake(("counterbody",), message)
+        """Yield why one of the bodies does not carry an isolated load."""
+        first, second = self._solids
+        yield from first.problems_isolated()
+        yield from (problem.within(("counterbody",)) for problem in second.problems_isolated())
+
+
+def stacks(body: object) -> tuple[Layers, ...]:
+    """Return a body of layers, or body and counterbody; nothing where one is not made of layers."""
+    both = (body.first, body.second) if isinstance(body, Pair) else (body,)
+    found = tuple(each for each in both if isinstance(each, Layers))
+    return found if len(found) == len(both) else ()
+
+
+def downwards(first: Sequence[LayerDepth], second: Sequence[LayerDepth] = ()) -> list[LayerDepth]:
+    """Return places in a body, and in its counterbody above it, from the deepest of the counterbody down."""
+    return [*(place.mirrored for place in reversed(second)), *first]

@@ -162,8 +162,10 @@ class Solid(Kind):
     def problems_isolated(self) -> Iterator[Mistake]:
         """Yield why the body does not carry an isolated indenter, in keys of the configuration."""
         if not self.isolated:
-            message = "given with grid.geometry: axisymmetric, which this body does not allow; must be layers"
-            yield Mistake(("body",), message)
+            message = (
+                "given with grid.geometry: axisymmetric, for which its compliance is missing; must be layers"
+            )
+            yield Mistake(("body",), message, because="open")
 
 
 class OneModulus(Solid):
@@ -247,10 +249,18 @@ _SAME = 1e-12  # relative: a depth this close to an interface is on it
 
 
 class LayerDepth(NamedTuple):
-    """A depth, and the number of its layer from the surface; a depth at an interface has two places."""
+    """A depth, and the number of its layer from the surface; a depth at an interface has two places.
+
+    In a counterbody the depth is negative, and its layers have the numbers -1, -2, ... from its surface.
+    """
 
     depth: float
     layer: int
+
+    @property
+    def mirrored(self) -> LayerDepth:
+        """The place at this depth in the other body."""
+        return LayerDepth(0.0 - self.depth, -1 - self.layer)  # no -0.0
 
 
 def places(thicknesses: Sequence[float], depths: Sequence[float]) -> list[LayerDepth]:

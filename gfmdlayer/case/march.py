@@ -550,6 +550,7 @@ class March:
             and grid.ranks.count == 1
             and takes(config)
             and not loading.interface.attracts
+            and not loading.by_gap
             and not contact.imprint.yields
             and contact.reach is None
             and contact.drives.reduced_time is None

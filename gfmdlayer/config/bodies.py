@@ -36,11 +36,12 @@ def problems_of_the_body(
             if value is not None:
                 other = f"{{kind: {body.kind}}}; remove it or set body: {{kind: layers}}"
                 message = f"not available with body: {other}"
-                yield Mistake((key,), message, ("body",), at_key=True)
+                yield Mistake((key,), message, ("body",), at_key=True, because="physics")
         return
     assert halfspace is not None
     if layers is not None and layer is not None:
-        yield Mistake(("layers",), "given beside layer; remove one of the two", ("layer",), at_key=True)
+        message = "given beside layer; remove one of the two"
+        yield Mistake(("layers",), message, ("layer",), at_key=True, because="physics")
         return
     every = layers or (() if layer is None else (layer,))
     if not every:

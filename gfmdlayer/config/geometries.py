@@ -10,9 +10,9 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from gfmdlayer.body.materials import shifts
+from gfmdlayer.interface.adhesion import ShortRange
 from gfmdlayer.punch.shapes import SHAPES
-from gfmdlayer.validation.problems import Location, Mistake, dotted, shown
+from gfmdlayer.validation.problems import Location, Mistake, Reason, shown
 from gfmdlayer.validation.sections import files_named, plain
 
 if TYPE_CHECKING:
@@ -30,8 +30,10 @@ _PERIODIC = {
     "output": ("patches", "histograms", "observables", "leakage", "conductance", "stiffness", "inside",
                "keep_state"),
 }  # fmt: skip
+_NOT_YET = {"conductance", "stiffness", "inside"}  # which an indenter of revolution has too
 FINEST = 1e-9  # least tolerance of an isolated indenter: far below it nodes fill the memory (1e-20: 238 GiB)
-_LOAD = "got 'load', a mean pressure, which an isolated contact does not have; must be depth or force"
+_REVOLUTION = "grid.geometry: axisymmetric"
+_OF_A_CELL = {"load": "a mean pressure", "gap": "a mean gap"}
 
 
 @dataclass(frozen=True)
@@ -52,6 +54,10 @@ def _problems_in_a_cell(config: Any) -> Iterator[Mistake]:
     if config.grid.extent is not None:
         message = "only for geometry: axisymmetric; remove it or change the geometry"
         yield Mistake(("grid", "extent"), message, _GEOMETRY)
+    for at, law in config.interface_laws.items():
+        if isinstance(law, ShortRange):
+            message = f"got {law.law!r}; must have a range that the grid resolves, such as exponential"
+            yield Mistake((*at, "law"), message, _GEOMETRY, chooses=True, because="physics")
     fit = config.punch.misfits(config.grid.cell)
     yield from (mistake.within(("punch",), "grid.points", "grid.period", "punch.shape") for mistake in fit)
     if config.grid.isolated:
@@ -61,36 +67,39 @@ def _problems_in_a_cell(config: Any) -> Iterator[Mistake]:
         yield Mistake(("grid", "datum"), message, _BOUNDARY)
 
 
+def _problems_of_the_control(control: str, others: tuple[str, ...]) -> Iterator[Mistake]:
+    """Refuse means over a cell."""
+    if control in _OF_A_CELL:
+        found = f"got {control!r}, {_OF_A_CELL[control]}"
+        message = f"{found}, which an isolated contact does not have; must be depth or force"
+        yield Mistake(("trajectory", "control"), message, others, because="physics")
+
+
 def _problems_without_images(config: Any) -> Iterator[Mistake]:
     """Yield keys that need a periodic surface, and bodies and punches without an isolated contact."""
-    if config.trajectory.control == "load":
-        yield Mistake(("trajectory", "control"), _LOAD, _BOUNDARY)
-    track = (
-        "not available with grid.boundary: isolated without friction, as the punch leaves the cell; remove it"
-    )
-    along = ["velocity_file"] if config.friction else ["velocity", "velocity_file"]
-    if config.friction:
-        track = "not available with grid.boundary: isolated; must be a constant velocity"
+    yield from _problems_of_the_control(config.trajectory.control, _BOUNDARY)
+    track = "not available with grid.boundary: isolated; must be a constant velocity"
     cell = "describes a cell, which an isolated contact does not have; remove it"
-    unused: Sequence[tuple[Any, Location, Sequence[str], str]] = (
-        (config.trajectory, ("trajectory",), along, track),
-        (config.output, ("output",), ("observables", "leakage", "conductance", "stiffness"), cell),
-        (config.output.histograms, ("output", "histograms"), ("pressure", "gap"), cell),
+    unused: Sequence[tuple[Any, Location, Sequence[str], str, Reason]] = (
+        (config.trajectory, ("trajectory",), ("velocity_file",), track, "open"),
+        (config.output, ("output",), ("observables", "leakage"), cell, "physics"),
+        (config.output.histograms, ("output", "histograms"), ("pressure", "gap"), cell, "physics"),
     )
-    for section, at, keys, message in unused:
+    for section, at, keys, message, because in unused:
         for key in keys:
             if getattr(section, key) is not None:
-                yield Mistake((*at, key), message, _BOUNDARY)
+                yield Mistake((*at, key), message, _BOUNDARY, because=because)
+    for side in ("body", "punch"):
+        if getattr(getattr(config.output.conductance, side, None), "resistivity", 0.0) == math.inf:
+            message = (
+                "got .inf: without images the current has no way out of an insulated back; must be finite"
+            )
+            at = ("output", "conductance", side, "resistivity")
+            yield Mistake(at, message, _BOUNDARY, because="physics")
     if config.trajectory.moves and config.time.step == "adaptive" and not config.time.at_once:
         spacing = config.grid.period[0] / config.grid.points[0]
         message = f"got adaptive; {WHOLE_SPACINGS}, {spacing:.6g}: give time.step"
         yield Mistake(("time", "step"), message, ("trajectory.velocity", *_BOUNDARY))
-    shifted = {at: shift for at, shift in shifts(config).items() if shift is not None}
-    for at, shift in shifted.items():
-        if shift != next(iter(shifted.values())):
-            message = "differs from that of other materials; must be the same with grid.boundary: isolated"
-            yield Mistake((*at, "shift"), message, (*map(dotted, shifted), *_BOUNDARY))
-            break
     if config.solid.isolated:  # other bodies are asked for their stiffness before the run
         yield from (problem.within((), *_BOUNDARY) for problem in config.solid.problems_isolated())
         yield from _problems_of_the_datum(config)
@@ -135,30 +144,37 @@ def _problems_of_revolution(config: Any) -> Iterator[Mistake]:
     """Yield keys that need a periodic cell, and punches that are no convex body of revolution."""
     if len(config.grid.points) > 1:
         message = f"got {shown(config.grid.points)}; must be one number with geometry: axisymmetric"
-        yield Mistake(("grid", "points"), message, _GEOMETRY)
+        yield Mistake(("grid", "points"), message, _GEOMETRY, because="physics")
     for name, keys in _PERIODIC.items():  # values, other than the defaults, that describe something periodic
         section: Section = getattr(config, name)
         default = type(section)()
         for key in keys or type(section).model_fields:
             value = getattr(section, key, None)
             if value is not None and value != getattr(default, key):
-                message = f"got {shown(plain(value))}, not used with grid.geometry: axisymmetric; remove it"
-                yield Mistake((name, key), message, _GEOMETRY)
-    if config.temperature is not None:
-        message = "not available with grid.geometry: axisymmetric; remove it"
-        yield Mistake(("temperature",), message, _GEOMETRY)
-    if config.interfaces:
+                used = "available" if key in _NOT_YET else "used"
+                message = f"got {shown(plain(value))}, not {used} with {_REVOLUTION}; remove it"
+                because: Reason = "open" if key in _NOT_YET else "physics"
+                yield Mistake((name, key), message, _GEOMETRY, because=because)
+    if (
+        config.temperature is not None
+        and config.temperature.file is not None
+        and config.time.step != "adaptive"
+    ):
         message = (
-            "not available with grid.geometry: axisymmetric, which has the hard wall only; remove it "
-            "(gfmdlayer.indent has a work of adhesion)"
+            f"got {config.time.step!r} while the temperature changes; must be adaptive with {_REVOLUTION}"
         )
-        yield Mistake(("interface",), message, _GEOMETRY)
-    elif config.hardness is not None:
+        yield Mistake(("time", "step"), message, ("temperature", *_GEOMETRY))
+    attracting = [(at, law) for at, law in config.interface_laws.items() if law.attracts]
+    for i, (at, law) in enumerate(attracting):
+        if i or not isinstance(law, ShortRange):
+            message = f"got {law.law!r}; an attraction over a range is not available with {_REVOLUTION}"
+            message = f"{message}: must be short_range" if not i else f"must be one law with {_REVOLUTION}"
+            yield Mistake((*at, "law"), message, _GEOMETRY, chooses=True, because="open")
+    if config.hardness is not None:
         allowed = "remove it, or take periodic"
-        message = f"its hardness is not available with grid.geometry: axisymmetric; {allowed}"
-        yield Mistake(("interface",), message, _GEOMETRY)
-    if config.trajectory.control == "load":
-        yield Mistake(("trajectory", "control"), _LOAD, _GEOMETRY)
+        message = f"its hardness is not available with {_REVOLUTION}; {allowed}"
+        yield Mistake(("interface",), message, _GEOMETRY, because="open")
+    yield from _problems_of_the_control(config.trajectory.control, _GEOMETRY)
     if config.time.tolerance is not None and config.time.tolerance < FINEST:
         message = f"got {config.time.tolerance!r}; must be >= {FINEST:g} with grid.geometry: axisymmetric"
         yield Mistake(("time", "tolerance"), message, _GEOMETRY)
@@ -177,7 +193,7 @@ def _of_the_punch(punch: Any) -> Iterator[Mistake]:
     if not hasattr(punch, "revolution"):
         allowed = ", ".join(word for word, shape in SHAPES.items() if hasattr(shape, "revolution"))
         message = f"got {punch.shape!r}, which is no convex body of revolution; must be one of {allowed}"
-        yield Mistake(("punch", "shape"), message, _GEOMETRY, chooses=True)
+        yield Mistake(("punch", "shape"), message, _GEOMETRY, chooses=True, because="physics")
         return
     for key, value in vars(punch).items():
         if isinstance(value, tuple):

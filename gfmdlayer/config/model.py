@@ -24,7 +24,7 @@ from gfmdlayer.body.continuous import ContinuousLaw
 from gfmdlayer.body.layer import Halfspace, Layer, StackedLayers, in_units
 from gfmdlayer.body.layers import Layers
 from gfmdlayer.body.materials import Law, Temperature, temperature_problems
-from gfmdlayer.body.pair import Pair
+from gfmdlayer.body.pair import Pair, stacks
 from gfmdlayer.body.solid import OneModulus, Solid
 from gfmdlayer.config import sections, sweeps
 from gfmdlayer.config.bodies import Counterbody, layered, problems_of_the_body, problems_of_the_counterbody
@@ -38,7 +38,7 @@ from gfmdlayer.config.trajectory import (
 )
 from gfmdlayer.contact.solvers import AUTO, SOLVERS, Choice, choose, contrast, finer
 from gfmdlayer.interface.adhesion import NO_PERMITTIVITY, Electrostatic
-from gfmdlayer.interface.interface import FrictionLaw, Interface
+from gfmdlayer.interface.interface import Coulomb, FrictionLaw, Interface
 from gfmdlayer.interface.laws import LAWS
 from gfmdlayer.made_once import kept_with
 from gfmdlayer.punch.shape import Shape
@@ -73,7 +73,7 @@ from gfmdlayer.validation.units import Units
 def _problems_of_the_materials(config: Any) -> Iterator[Mistake]:
     """Yield liquids under a load that nothing solid carries, and moduli that no Poisson's ratio converts."""
     control = config.trajectory.control
-    if control != "depth" and config.solid.flows:
+    if not config.trajectory.places and config.solid.flows:
         laws = ((at, law) for at, law in sections_in(config) if isinstance(law, Law))
         liquids = [dotted(at) for at, law in laws if not law.relaxed]
         reason = "a liquid (G0 = 0) on nothing solid has no equilibrium under it and sinks without end"
@@ -116,6 +116,11 @@ def _problems_of_the_hardness(config: Any) -> Iterator[Mistake]:
     at = next((at for at, law in laws if getattr(law, "hardness", None) is not None), None)
     if at is None:
         return
+    if config.trajectory.control == "gap":
+        message = (
+            "got gap beside a hardness: the imprint adds to the gap within a step; must be another control"
+        )
+        yield Mistake(("trajectory", "control"), message, (dotted((*at, "hardness")),), because="open")
     attracts, method = bool(config.interfaces), config.solver.method
     able = [name for name, other in SOLVERS.items() if other.yields and other.adhesive == attracts]
     if method not in {AUTO, *able} and (SOLVERS[method].adhesive or not attracts):
@@ -125,7 +130,7 @@ def _problems_of_the_hardness(config: Any) -> Iterator[Mistake]:
     control = config.trajectory.control
     prescribed, area = getattr(config.trajectory, control), math.prod(config.grid.period)
     most = config.hardness * (area if control == "force" else 1.0)
-    if control != "depth" and prescribed is not None and prescribed >= most:
+    if not config.trajectory.places and prescribed is not None and prescribed >= most:
         key = dotted((*at, "hardness"))
         limit = f"{most:.6g}, the {key} over the whole cell: more has no equilibrium"
         message = f"got {prescribed!r}; must be below {limit}"
@@ -226,8 +231,7 @@ class Config(Section):
     def problems(self) -> Iterator[Mistake]:
         """Yield contradictions between sections."""
         yield from problems_of_the_body(self.body, self.layers, self.layer, self.halfspace)
-        moves, of_layers = self.trajectory.moves, isinstance(self.solid, Layers)
-        yield from temperature_problems(self, self.temperature, moves=moves, layered=of_layers)
+        yield from temperature_problems(self, self.temperature, self._with_one_reduced_time)
         yield from _problems_of_the_materials(self)
         yield from self.geometry.problems(self)
         second = None if self.counterbody is None else self.counterbody.body
@@ -265,13 +269,21 @@ class Config(Section):
             return
         at = ("output", "stiffness")
         if self.trajectory.moves:
-            yield Mistake(at, "only for a punch that does not move along x; remove it", ("trajectory",))
-        if self.interfaces:
-            message = "only for the hard wall; attraction adds a stiffness of its own; remove it"
-            yield Mistake(at, message, ("interface",))
-        relaxing = {law.shift for law in self.laws if not getattr(law, "elastic", False)}
-        if self.temperature is not None and len(relaxing) > 1:
-            yield Mistake(at, "only for materials with one common shift; remove it", ("temperature",))
+            message = "only for a punch that does not move along x, whose contact is carried along; remove it"
+            yield Mistake(at, message, ("trajectory",), because="open")
+
+    @property
+    def _with_one_reduced_time(self) -> Mapping[str, str]:
+        """The keys for which layers cannot have reduced times of their own, and what they describe."""
+        every = {
+            "trajectory": self.trajectory.moves and "a moving punch",
+            "body": not stacks(self.solid) and "a body that is not made of layers",
+            "grid.geometry": not self.geometry.on_grid and "an axisymmetric indenter",
+            "grid.boundary": self.grid.isolated and "an isolated contact",
+            "interface": bool(self.friction) and "friction",
+            "output.stiffness": self.output.stiffness is not None and "the dynamic stiffness",
+        }
+        return {key: words for key, words in every.items() if words}
 
     @property
     def plainly_possible(self) -> bool:
@@ -327,7 +339,10 @@ class Config(Section):
 
     @property
     def friction(self) -> tuple[FrictionLaw, ...]:
-        """The laws of friction, of which the smaller traction counts; empty without friction."""
+        """The laws of friction, of which the smaller traction counts; empty without friction.
+
+        An isolated contact that moves without a law has the coefficient 0.
+        """
         return _laws(self)[1]
 
     @property
@@ -490,7 +505,11 @@ def _laws(config: Config) -> tuple[tuple[Interface, ...], tuple[FrictionLaw, ...
     """Return the laws of the interface that attract, and those of friction."""
     every = config.interface_laws.values()
     attracting = tuple(law for law in every if law.attracts)
-    return attracting, tuple(law for law in every if isinstance(law, FrictionLaw))
+    friction = tuple(law for law in every if isinstance(law, FrictionLaw))
+    if not friction and config.grid.isolated and config.trajectory.moves:
+        # Material that enters an isolated cell is at rest: followed by its tractions, here without shear.
+        friction = (Coulomb(coefficient=0.0),)
+    return attracting, friction
 
 
 @kept_with
@@ -510,7 +529,7 @@ def unit_label(words: str, units: Units | None, control: str, *, is_line: bool) 
 
     A "drive" is what the trajectory prescribes, of which `control` is the name: a length, pressure or force.
     """
-    drive = {"depth": "length", "load": "pressure"}.get(control, "force")
+    drive = {"depth": "length", "gap": "length", "load": "pressure"}.get(control, "force")
     words = words.replace("drive", drive)
     if is_line and words == "force":
         words = "force / length"

@@ -23,6 +23,7 @@ from pydantic import (
 )
 
 from gfmdlayer.body.layers import Layers, thicknesses
+from gfmdlayer.body.pair import downwards, stacks
 from gfmdlayer.body.solid import LayerDepth, between_faces, beyond, places
 from gfmdlayer.config.geometries import GEOMETRIES
 from gfmdlayer.contact.solvers import AUTO, SOLVERS
@@ -42,7 +43,7 @@ from gfmdlayer.validation.fields import (
     sequence,
     strict,
 )
-from gfmdlayer.validation.problems import Mistake, not_increasing, shown
+from gfmdlayer.validation.problems import Mistake, Reason, not_increasing, shown
 from gfmdlayer.validation.sections import Section
 
 if TYPE_CHECKING:
@@ -151,7 +152,7 @@ class Time(Section):
             elif self.integrator == "backward_euler":
                 allowed = "must be exponential, which estimates its error"
                 message = f"got backward_euler with step: adaptive; {allowed}"
-                yield Mistake(("integrator",), message, ("step",))
+                yield Mistake(("integrator",), message, ("step",), because="physics")
             return
         if self.tolerance is not None:
             message = "only for adaptive steps; remove it or set time.step: adaptive"
@@ -350,13 +351,16 @@ class Inside(Section):
             yield from not_increasing((key,), values or (), key, key)
 
     def places(self, solid: Solid, period: Sequence[float]) -> list[LayerDepth]:
-        """Return the places in a body of layers; a depth at an interface has two."""
-        layers = thicknesses(solid)
-        depths = self.depths
-        if depths is None:
-            assert self.points is not None
-            depths = tuple(between_faces(layers, self.points, _WITHOUT_LAYERS * min(period)))
-        return places(layers, depths)
+        """Return the places in a body of layers and its counterbody; a depth at an interface has two."""
+
+        def own(body: Layers) -> list[LayerDepth]:
+            layers, depths = thicknesses(body), self.depths
+            if depths is None:
+                assert self.points is not None
+                depths = tuple(between_faces(layers, self.points, _WITHOUT_LAYERS * min(period)))
+            return places(layers, depths)
+
+        return downwards(*map(own, stacks(solid)))
 
     def wants(self, time: float) -> bool:
         """Whether the snapshot at a time has fields below the surface."""
@@ -424,19 +428,25 @@ def problems_of_the_inside(config: Any) -> Iterator[Mistake]:
     if inside is None:
         return
     at = ("output", "inside")
-    if not isinstance(config.solid, Layers):
-        other = "two deformable bodies" if config.counterbody is not None else f"kind: {config.body.kind}"
-        message = f"not available with {other}; must be layers under a rigid punch"
-        yield Mistake(at, message, ("body", "counterbody"))
+    bodies = stacks(config.solid)
+    if not bodies:
+        own, other = (getattr(each, "body", None) for each in (config, config.counterbody))
+        kind = next(each.kind for each in (own, other) if not isinstance(each, Layers | None))
+        message = f"not available with kind: {kind}, of which the surface alone is known; must be layers"
+        because: Reason = "open" if kind == "anisotropic" else "physics"
+        yield Mistake(at, message, ("body", "counterbody"), because=because)
         return
     if config.grid.isolated:
-        message = "not available with boundary: isolated, which gives the surface within its reach; remove it"
-        yield Mistake(at, message, ("grid.boundary",))
-    layers = thicknesses(config.solid)
-    if inside.depths is not None and (below := beyond(layers, inside.depths)) is not None:
-        i, whole = below
-        message = f"got {inside.depths[i]!r}; must be at most {whole:g}, the thickness of the body"
-        yield Mistake((*at, "depths", i), message, ("layer.thickness", "layers", "halfspace"))
+        message = (
+            "not available with boundary: isolated: the stress inside without images is missing; remove it"
+        )
+        yield Mistake(at, message, ("grid.boundary",), because="open")
+    for body, name in zip(bodies, ("body", "counterbody"), strict=False):
+        if inside.depths is not None and (below := beyond(thicknesses(body), inside.depths)) is not None:
+            i, whole = below
+            message = f"got {inside.depths[i]!r}; must be at most {whole:g}, the thickness of the {name}"
+            others = ("layer.thickness", "layers", "halfspace", "counterbody")
+            yield Mistake((*at, "depths", i), message, others)
     snapshots = config.output.snapshots
     if not snapshots and inside.every is None:
         message = "there is no snapshot with fields; set output.snapshots, or every for columns"

@@ -21,17 +21,17 @@ from typing import Annotated, Any
 from pydantic import Discriminator, Field, Tag
 
 from gfmdlayer.body.layers import Layers
-from gfmdlayer.body.materials import shifts
 from gfmdlayer.config.sections import AT_ONCE, MOST_ROWS, Time
 from gfmdlayer.contact.solvers import AUTO
 from gfmdlayer.interface.interface import FrictionLaw
 from gfmdlayer.validation.fields import File, Finite, MustBe, NotNegative, Optional, Word, given
-from gfmdlayer.validation.problems import Location, Mistake, dotted, shown
+from gfmdlayer.validation.problems import Location, Mistake, Reason, dotted, shown
 from gfmdlayer.validation.reading import Reading, unread
 from gfmdlayer.validation.sections import Section
 
 KINDS = ("ramp_hold", "approach_retract", "table")
-CONTROLS = ("depth", "load", "force")
+CONTROLS = ("depth", "gap", "load", "force")
+PLACED = ("depth", "gap")  # which say where the punch is
 # The keys that only one kind has.
 _KEYS_OF = {
     "ramp_time": "ramp_hold",
@@ -140,7 +140,7 @@ class Trajectory(Section):
     """The prescribed depth of Eq. (30), mean pressure or force over time."""
 
     control: Annotated[str, Word(*CONTROLS)] = "depth"
-    """prescribed quantity: depth, load (mean pressure) or force"""
+    """prescribed quantity: depth, gap (mean gap), load (mean pressure) or force"""
     kind: Annotated[str, Word(*KINDS)] = "ramp_hold"
     """ramp_hold, approach_retract, or table (from a file)"""
     depth: Annotated[Finite | None, given] = Field(
@@ -149,6 +149,8 @@ class Trajectory(Section):
         )
     )
     """prescribed depth; negative is a gap, with attraction: length"""
+    gap: Optional = None
+    """control: gap: prescribed mean gap, which the ramp reaches from the first touch: length"""
     load: Annotated[NotNegative | None, given] = None
     """control: load: prescribed mean pressure: pressure"""
     force: Annotated[NotNegative | None, given] = None
@@ -168,7 +170,7 @@ class Trajectory(Section):
     cycles: Annotated[Cycles | None, given] = _of_approach(lambda _: 1)
     """approach_retract: number of cycles, default 1; later ones start at final"""
     file: Annotated[File | None, given] = None
-    """kind: table: file with two columns, time and depth, load or force"""
+    """kind: table: file with two columns, time and depth, gap, load or force"""
     reading: Annotated[Reading | None, given] = None
     """how the file is read, where it does not say so"""
     velocity: Annotated[Finite | None, given] = None
@@ -199,6 +201,11 @@ class Trajectory(Section):
     def moves(self) -> bool:
         """Whether the punch moves along x."""
         return self.velocity is not None or self.velocity_file is not None
+
+    @property
+    def places(self) -> bool:
+        """Whether depth or mean gap is prescribed, and the load follows."""
+        return self.control in PLACED
 
     @property
     def corners(self) -> tuple[tuple[float, float], ...]:
@@ -233,15 +240,24 @@ class Trajectory(Section):
         if table and self.file is None:
             wrong.append(("file", "missing; kind: table needs the name of a file"))
         if not table and self.control != "depth" and getattr(self, self.control) is None:
-            meant = {"load": "the mean pressure", "force": "the force over the cell, per length for a line"}
-            message = f"missing; control: {self.control} needs a number >= 0, {meant[self.control]}"
+            meant = {
+                "gap": "> 0, the mean gap",
+                "load": ">= 0, the mean pressure",
+                "force": ">= 0, the force over the cell, per length for a line",
+            }
+            message = f"missing; control: {self.control} needs a number {meant[self.control]}"
             wrong.append((self.control, message))
         yield from (Mistake((key,), message, ("control", "kind")) for key, message in wrong)
-        if self.kind == "approach_retract" and not wrong:
+        if self.kind == "approach_retract" and self.control == "gap":
+            message = (
+                "got approach_retract, whose ends count from the first touch; must be ramp_hold or table"
+            )
+            yield Mistake(("kind",), f"{message} with control: gap", ("control",), because="open")
+        elif self.kind == "approach_retract" and not wrong:
             yield from self._impossible_legs()
         if self.velocity is not None and self.velocity_file is not None:
             message = "given beside velocity; remove one of the two"
-            yield Mistake(("velocity_file",), message, ("velocity",))
+            yield Mistake(("velocity_file",), message, ("velocity",), because="physics")
 
     def _without_meaning(self) -> Iterator[tuple[str, str]]:
         """Yield the keys that have no meaning for this control and kind, each with a message."""
@@ -297,8 +313,8 @@ def problems_of_the_motion(trajectory: Trajectory, time: Time, *, pulls: bool) -
     """Yield contradictions with the time axis, and tensile loads if the interface does not attract."""
     velocity = "trajectory.velocity" if trajectory.velocity is not None else "trajectory.velocity_file"
     if trajectory.moves and time.integrator == "backward_euler":
-        message = "got backward_euler with a moving punch; must be exponential"
-        yield Mistake(("time", "integrator"), message, (velocity,))
+        message = "got backward_euler with a moving punch, whose frame it does not know; must be exponential"
+        yield Mistake(("time", "integrator"), message, (velocity,), because="open")
     if time.steady is not None and (not trajectory.moves or trajectory.velocity == 0):
         message = "only for a moving punch; remove it or set trajectory.velocity"
         others = ("trajectory.velocity", "trajectory.velocity_file")
@@ -311,7 +327,7 @@ def problems_of_the_motion(trajectory: Trajectory, time: Time, *, pulls: bool) -
         yield Mistake(("trajectory", "depth"), message, ("trajectory.kind", "interface"))
     for key in ("start", "final"):
         value = getattr(trajectory, key)
-        if trajectory.control != "depth" and not pulls and value is not None and value < 0:
+        if not trajectory.places and not pulls and value is not None and value < 0:
             message = f"got {shown(value)}, a pull on the punch; must be >= 0 without adhesion"
             yield Mistake(("trajectory", key), message, ("trajectory.control", "interface"))
 
@@ -332,13 +348,15 @@ def problems_of_the_friction(config: Any) -> Iterator[Mistake]:
         if config.time.at_once:
             message = f"got {AT_ONCE}, which needs friction; give a relative change, or {_WITH_FRICTION}"
             yield Mistake(("time", "steady"), message, ("interface",))
+        if config.friction:
+            yield from _problems_beside(config, ("trajectory", "velocity"), "a moving isolated contact")
         return
     for i, (at, law) in enumerate(laws):
         if any(type(law) is type(earlier) for _, earlier in laws[:i]):
             yield Mistake((*at, "law"), f"got {law.law!r} twice; give it once", ("interface",), chooses=True)
     at = (*laws[0][0], "law")
     yield from _problems_of_the_drive(config)
-    yield from _problems_beside(config, at)
+    yield from _problems_beside(config, at, "friction at the interface")
 
 
 def _problems_of_the_drive(config: Any) -> Iterator[Mistake]:
@@ -356,8 +374,8 @@ def _problems_of_the_drive(config: Any) -> Iterator[Mistake]:
                 message = f"got {getattr(given, key)!r}; must be 0 on a line, whose only direction is x"
                 yield Mistake(("trajectory", "creepage", key), message, ("grid.points",))
     if config.time.at_once and config.interfaces:
-        message = f"got {AT_ONCE} beside an attraction; must be a relative change below which the run ends"
-        yield Mistake(("time", "steady"), message, ("interface",))
+        message = f"got {AT_ONCE} beside an attraction, whose solver takes steps; must be a relative change"
+        yield Mistake(("time", "steady"), message, ("interface",), because="open")
     if config.time.at_once:
         early = any(time < config.time.end for time in config.output.snapshot_times)
         for key, is_given in (("times", config.output.times is not None), ("snapshots", early)):
@@ -372,10 +390,11 @@ def _problems_of_the_drive(config: Any) -> Iterator[Mistake]:
             [()] if given is None else [(k,) for k in "xy" if getattr(given, k) is not None]
         )
         for below in keys:
-            yield Mistake(("trajectory", "creepage", *below), message, ("trajectory.tangential",))
+            others = ("trajectory.tangential",)
+            yield Mistake(("trajectory", "creepage", *below), message, others, because="physics")
     if motion.moves and drive.control == "displacement":
         message = "got displacement with a velocity; must be force, or give trajectory.creepage in its place"
-        yield Mistake(("trajectory", "tangential", "control"), message, velocity)
+        yield Mistake(("trajectory", "tangential", "control"), message, velocity, because="physics")
     if len(config.grid.points) == 1 and drive.direction != 0:
         message = f"got {drive.direction!r}; must be 0 on a line, whose only direction is x"
         yield Mistake(("trajectory", "tangential", "direction"), message, ("grid.points",))
@@ -400,25 +419,48 @@ def _problems_of_the_steps(config: Any) -> Iterator[Mistake]:
             yield Mistake(("time", "step"), message, ("trajectory.velocity", "time.end", "grid.points"))
 
 
-def _problems_beside(config: Any, at: Location) -> Iterator[Mistake]:
+def _problems_beside(config: Any, at: Location, words: str) -> Iterator[Mistake]:
     """Yield what friction does not go with, at the place of its law or at the other key."""
-    law, in_shear = (dotted(at),), "must be layers, which have a shear response"
     above = None if config.counterbody is None else config.counterbody.body
-    refused = {
-        ("grid", "geometry"): config.grid.geometry == "axisymmetric" and "got axisymmetric; must be periodic",
-        ("body",): not isinstance(config.body, Layers | None) and in_shear,
-        ("counterbody", "body"): not isinstance(above, Layers | None) and in_shear,
-        ("solver", "method"): config.solver.method != AUTO and f"got {config.solver.method}; must be auto",
-        ("output", "stiffness"): config.output.stiffness is not None and "must be left out",
-    }
-    for place, message in refused.items():
-        if message:
-            yield Mistake(place, f"{message} with friction at the interface", law)
+    directed = config.trajectory.tangential is not None or config.trajectory.moves
+    yields_in_the_mean = config.trajectory.control == "gap" and config.solid.mean_stiffness > 0
+    refused: dict[Location, tuple[object, str, Reason]] = {
+        ("grid", "geometry"): (
+            config.grid.geometry == "axisymmetric",
+            "got axisymmetric; must be periodic",
+            "physics" if directed else "open",
+        ),
+        ("body",): _without_shear(config.body),
+        ("counterbody", "body"): _without_shear(above),
+        ("solver", "method"): (
+            config.solver.method != AUTO, f"got {config.solver.method}; must be auto", "",
+        ),
+        ("output", "stiffness"): (
+            config.output.stiffness is not None,
+            "must be left out: that of points that stick is missing",
+            "open",
+        ),
+        ("trajectory", "control"): (
+            yields_in_the_mean,
+            "got gap on a body that yields in the mean; must be depth, load or force",
+            "open",
+        ),
+    }  # fmt: skip
+    for place, (is_refused, message, because) in refused.items():
+        if is_refused:
+            law = (dotted(at),)
+            yield Mistake(place, f"{message} with {words}", law, because=because)
     if config.hardness is not None:
         reason = "where surfaces yield, shear lowers the hardness; remove one of the two laws"
-        message = f"friction beside a hardness is not available: {reason}"
-        yield Mistake(at, message, ("interface",), chooses=True)
-    different = {shift for shift in shifts(config).values() if shift is not None}
-    if config.temperature is not None and len(different) > 1:
-        message = "needs one common shift of all materials with friction at the interface"
-        yield Mistake(("temperature",), message, law)
+        message = f"{words} beside a hardness is not available: {reason}"
+        yield Mistake(at, message, ("interface",), chooses=at[0] == "interface", because="physics")
+
+
+def _without_shear(body: Any) -> tuple[bool, str, Reason]:
+    """Return whether a body has no response to shear tractions, what it would have to give, and why."""
+    if isinstance(body, Layers | None):
+        return False, "", ""
+    message = (
+        f"got kind: {body.kind}, which does not give K(q) as a matrix over the directions; must be layers,"
+    )
+    return True, f"{message} which have a shear response", "physics" if body.kind == "table" else "open"

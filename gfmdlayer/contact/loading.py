@@ -1,10 +1,13 @@
-"""Depth and load control: the contact problem of a step, the depth of its solution, and the imprint left.
+"""Depth, gap and load control: the contact problem of a step, the depth of its solution, and the imprint.
 
 A solver finds a surface of zero mean, or under a given mean pressure p any surface w below the punch. The
 mean of w is the depth plus u_0, the displacement at q = 0, which is zero unless a compressible layer lies on
 a rigid base. There kappa_0 u_0 = b_0/n - p, and
 
     u = w - mean(w) + u_0,        depth = mean(w) - u_0.
+
+A mean gap prescribes the mean of w: with w of zero mean the punch is at the depth mean(h) less the gap, and
+u_0 follows from the pressure that is found.
 
 A load that pulls more than the interface holds has no equilibrium, and the punch detaches (`is_pulled_off`).
 Until the load presses again it lies out of reach. The surface is free of stress, and the depth of the punch
@@ -94,6 +97,7 @@ class Loading(Saving):
     ranks: Ranks = ALONE
 
     by_depth: bool = True  # else the mean pressure is prescribed, and with it the force over the cell
+    by_gap: bool = False  # whether the depth is that of a surface of zero mean, whatever its mean is
 
     def problem(
         self, kappa: FloatArray, b: ComplexArray, time: float, loss_stiffness: FloatArray | None = None
@@ -103,6 +107,7 @@ class Loading(Saving):
             obstacle, load = self.punch - self.prescribed(time), None
         else:
             obstacle, load = self.obstacle, self.prescribed(time)
+        if self.by_gap or not self.by_depth:
             kappa, b = self._without_mean(kappa), self._without_mean(b)
         law = self.law(time)
         return Problem(kappa, b, obstacle, load, loss_stiffness, self.height, law, self.ranks)
@@ -122,17 +127,20 @@ class Loading(Saving):
 
     def surface(self, solution: Solution, kappa: FloatArray, b: ComplexArray, time: float) -> Surface:
         """Return the surface as the solver found it, or with the mean that the load gives it."""
-        if self.by_depth:
+        if self.by_depth and not self.by_gap:
             depth, response = self.trajectory(time), solution.mean_pressure
             return Surface(solution.displacement, solution.spectrum, depth, response)
         ranks, height = self.ranks, 0.0
         stiffness, history = float(ranks.mean_wave(kappa)), complex(ranks.mean_wave(b))
         if stiffness > 0:
-            height = (history.real / self.size - self.prescribed(time)) / stiffness
+            pressure = solution.mean_pressure if self.by_gap else self.prescribed(time)
+            height = (history.real / self.size - pressure) / stiffness
         shift = ranks.mean(solution.displacement) - height
-        depth, spectrum = shift + self.lowest, solution.spectrum.copy()
+        depth = shift + (self.trajectory(time) if self.by_gap else self.lowest)
+        spectrum = solution.spectrum.copy()
         ranks.set_mean_wave(spectrum, height * self.size)
-        return Surface(solution.displacement, spectrum, depth, depth, shift)
+        response = solution.mean_pressure if self.by_gap else depth
+        return Surface(solution.displacement, spectrum, depth, response, shift)
 
     def _without_mean(self, values: Values) -> Values:
         rest = values.copy()

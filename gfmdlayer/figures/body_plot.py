@@ -99,10 +99,7 @@ def body_figure(config: Config, style: Style = PAPER, title: str = "") -> Figure
 
 def _response_figure(config: Config, style: Style, title: str) -> Figure:
     """Draw the stiffness of a body against the wavenumber, along x and along y, and how it relaxes."""
-    drives = Drives(config)
-    every = zip(config.laws, drives.reduced_times, strict=True)
-    series = [law.prony(*drives.times_of_response(reduced, 0.0)) for law, reduced in every]
-    body = config.solid.with_series([each.material for each in series], 0.0)
+    body = config.solid.with_series([each.material for each in Drives(config).series()], 0.0)
     cell = list(zip(config.grid.points, config.grid.period, strict=True))
     q = math.pi * np.geomspace(2 / max(config.grid.period), max(n / length for n, length in cell), 121)
     along = {"$q_x$": Wavevectors.of_components(q)}

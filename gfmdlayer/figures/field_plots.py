@@ -236,7 +236,7 @@ def inside_figure(
         shown = [] if is_line else faces[:MOST_INTERFACES]
         if len(shown) < len(faces) and not is_line:
             left_out.append(f"{len(shown)} of {len(faces)} interfaces")
-        (left, right), depth = seen.view["x"], float(case["z"][-1])
+        (left, right), depth = seen.view["x"], float(case["z"][-1]) - min(float(case["z"][0]), 0.0)
         high = 150.0 * min(max(depth / (right - left), 0.15), 0.45)
         low, top = seen.view.get("y", (0.0, 0.0))
         wide = 62.0 * min((top - low) / (right - left), 1.3) + 12.0
@@ -249,7 +249,9 @@ def inside_figure(
         for i, (axes, time) in enumerate(zip(panels, snapshot_titles(cuts), strict=True)):
             mesh = _draw_section(axes, cuts.isel(snapshot=i), drawn.isel(snapshot=i), seen, ends)
             axes.set_title(time, loc="right")
-            place, levels = axes.inset_axes((1.02, 0.0, 0.02, 1.0)), mesh.levels[:: -(-len(mesh.levels) // 8)]
+            labels = min(8, int(high / 7.0))  # of 7 mm, in which they do not overlap
+            place = axes.inset_axes((1.02, 0.0, 0.02, 1.0))
+            levels = mesh.levels[:: -(-len(mesh.levels) // labels)]
             bar = figure.colorbar(mesh, cax=place, ticks=levels, spacing="proportional")
             name_axes(bar.ax, y=quantity(drawn, case.attrs))
         name_axes(panels[-1], quantity(case["x"], case.attrs))
@@ -329,7 +331,7 @@ def _draw_section(
     touched = (
         touching(case).sel(x=part["x"]).to_numpy() if "gap" in case else np.zeros(along.size, dtype=bool)
     )
-    top = np.where(touched, depths[0], np.nan)
+    top = np.where(touched, max(depths[0], 0.0), np.nan)  # a counterbody is above
     axes.plot(along, top, color=CONTACT, linewidth=3.0, clip_on=False, solid_capstyle="butt")
     axes.set(xlim=(left / x.scale, right / x.scale), ylim=(depths[-1], depths[0]))
     name_axes(axes, y=z)

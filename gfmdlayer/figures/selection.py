@@ -241,7 +241,7 @@ def default_columns(dataset: Dataset) -> list[str]:
         return [name for name in own if name in dataset.data_vars]
     if "area_interpolated" in dataset:
         force = _own_name(dataset, "force")
-        drawn = [force, depth] if is_swept else [force if control == "depth" else depth]
+        drawn = [force, depth] if is_swept else [force if control in ("depth", "gap") else depth]
         return [_own_name(dataset, "area_interpolated"), *drawn]
     if depth in dataset.data_vars and (is_swept or control in ("load", "force")):
         at = names.index("mean_pressure")

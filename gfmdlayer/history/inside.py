@@ -38,6 +38,7 @@ _CHUNK = 4096  # waves whose stretches are summed at once
 LINE = ("x", "z", "xx", "yy", "zz", "xz")
 SURFACE = ("x", "y", "z", "xx", "yy", "zz", "xy", "xz", "yz")
 
+_ODD_IN_Z = frozenset(("z", "xz", "yz"))  # which change their sign in a mirror z -> -z
 STRESSES = frozenset(name for name in SURFACE if len(name) == 2)
 
 
@@ -68,6 +69,16 @@ class Interior(ABC):
     @abstractmethod
     def of_surface(self, u: ComplexArray | None, p: ComplexArray) -> SpringFields:
         """Return the springs of layers that relax alike, of transforms of displacement and traction."""
+
+    @property
+    @abstractmethod
+    def rows(self) -> int:
+        """Number of rows of `SpringFields`."""
+
+    @property
+    def kept(self) -> int:
+        """Number of fields in which a snapshot keeps strains or forces."""
+        return self.rows
 
     @property
     @abstractmethod
@@ -154,6 +165,11 @@ class NormalInterior(Interior):
         self._odd = np.where(np.abs(q) < (1 - 1e-9) * largest, self._n, 0.0)
 
     @property
+    def rows(self) -> int:
+        """Number of rows of `SpringFields`."""
+        return self.inside.layer.size
+
+    @property
     def keeps_springs(self) -> bool:
         """Whether layers of different laws relax."""
         return not self.relaxes_alike
@@ -238,6 +254,74 @@ class NormalInterior(Interior):
             if depth > top:
                 down = down - min((depth - top) / layer.thickness, 1.0) * springs.strains[i, at]
         return np.asarray(down)
+
+
+class PairInterior(Interior):
+    """The fields in a body and its counterbody, which is above it: at z < 0, seen in a mirror.
+
+    The rows of `SpringFields` are those of the body, and then those of the counterbody.
+    """
+
+    def __init__(self, own: Sequence[Interior]) -> None:
+        super().__init__(own[0].body, own[0].grid, own[0].places)
+        self._own = own
+
+    @property
+    def rows(self) -> int:
+        """Number of rows of `SpringFields`."""
+        return sum(own.rows for own in self._own)
+
+    @property
+    def keeps_springs(self) -> bool:
+        """Whether those of a body are needed."""
+        return any(own.keeps_springs for own in self._own)
+
+    def springs(self, history: Any, tractions: ComplexArray) -> SpringFields:
+        """Return the springs of both bodies, under their shared pressure and opposite shear tractions."""
+        every = zip(self._own, history.bodies, _on_both(tractions), strict=True)
+        return _stacked([own.springs(body, of) for own, body, of in every])
+
+    def of_surface(self, u: ComplexArray | None, p: ComplexArray) -> SpringFields:
+        """Return the springs for the displacements of both surfaces, each out of its body, (2, ...)."""
+        every = zip(self._own, (None, None) if u is None else u, _on_both(p), strict=True)
+        return _stacked([own.of_surface(part, of) for own, part, of in every])
+
+    def at(
+        self, springs: SpringFields, place: LayerDepth, names: Collection[str] | None = None
+    ) -> dict[str, FloatArray]:
+        """Return the fields at a place of one of the bodies."""
+        (first, second), of_first = self._own, self._own[0].rows
+        if place.layer >= 0:
+            return first.at(SpringFields(*(each[:of_first] for each in springs)), place, names)
+        fields = second.at(SpringFields(*(each[of_first:] for each in springs)), place.mirrored, names)
+        return {name: -field if name in _ODD_IN_Z else field for name, field in fields.items()}
+
+    def _kept(self, values: ComplexArray) -> FloatArray:
+        of_first = self._own[0].rows
+        both = zip(self._own, (values[:of_first], values[of_first:]), strict=True)
+        return np.concatenate([own._kept(part) for own, part in both])
+
+    def _recalled(self, fields: FloatArray) -> ComplexArray:
+        first, second = self._own
+        return np.vstack((first._recalled(fields[: first.kept]), second._recalled(fields[first.kept :])))
+
+    def _spectra(self, springs: SpringFields, place: LayerDepth) -> ComplexArray:
+        raise NotImplementedError  # each body has its own
+
+    def _means(self, springs: SpringFields, depth: float) -> Mapping[str, ComplexArray]:
+        raise NotImplementedError
+
+
+def _on_both(tractions: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
+    """Return the pressure, or pressure and shear tractions, on the body and on the counterbody."""
+    if tractions.ndim == 1:
+        return tractions, tractions
+    return tractions, np.concatenate((tractions[:1], -tractions[1:]))
+
+
+def _stacked(springs: Sequence[SpringFields]) -> SpringFields:
+    """Return the rows of both bodies."""
+    return SpringFields(*(np.vstack(rows) for rows in zip(*springs, strict=True)))
 
 
 class _Nearest:

@@ -41,8 +41,9 @@ from gfmdlayer.arrays import ComplexArray, FloatArray, IntArray
 from gfmdlayer.body.relaxation import Spectrum
 from gfmdlayer.grid.sums import Sums
 from gfmdlayer.history.modes import Modes, exponential, set_force, shortest_time
+from gfmdlayer.history.reduced_time import MotionInReducedTime
 from gfmdlayer.kernels import address_of, by_address, kernel, product, quotient
-from gfmdlayer.time_functions import TimeFunction
+from gfmdlayer.time_functions import Constant, Table
 
 # phi_5 by its series where |z| < 1: the first term left out is below rounding.
 _SERIES = tuple((-1) ** k / math.factorial(k + 5) for k in range(18))
@@ -90,7 +91,12 @@ class SlidingModes(Modes):
     slope: ComplexArray  # (nq,), i q, with the mean q of the two waves of a mode
 
     def __init__(
-        self, spectrum: Spectrum, sums: Sums, *, wavenumbers_x: FloatArray, velocity: TimeFunction
+        self,
+        spectrum: Spectrum,
+        sums: Sums,
+        *,
+        wavenumbers_x: FloatArray,
+        velocity: Constant | Table | MotionInReducedTime,
     ) -> None:
         # `wavenumbers_x`, shape (2, *q.shape): wavenumbers along x of the two waves whose mean is the mode;
         # mostly they are the same. `velocity`: v at a time, linear in time over each step.
@@ -137,7 +143,7 @@ class SlidingModes(Modes):
 
     def prepare(self, step: float) -> None:
         """Compute the stiffness and the factors for the length of a step and for the velocity."""
-        before, after = self._velocity_at(self._time), self._velocity_at(self._time + step)
+        before, after = self._velocity_at.over(self._time, step)
         if (step, before, after) == self._prepared_for:
             return
         # New arrays of the stiffness, as in `Modes.prepare`.

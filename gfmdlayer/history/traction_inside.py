@@ -13,6 +13,7 @@ that are odd along the axis vanish. At the mean U, V, T and S are u_x, u_y, t_x 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -43,6 +44,17 @@ class TractionInterior(Interior):
         different, where = np.unique(np.ravel(grid.wavenumbers), return_inverse=True)
         self._where: IntArray = where.ravel()[self._waves.mode]
         self._parts = [TractionFields(body, different, in_plane=plane) for plane in (True, False)[:axes]]
+
+    @property
+    def rows(self) -> int:
+        """Number of rows of `SpringFields`."""
+        return self._first(len(self._parts))
+
+    @property
+    def kept(self) -> int:
+        """Number of fields in which a snapshot keeps strains or forces."""
+        others = 2 * self.rows * int(np.count_nonzero(self._waves.share < 1))
+        return self.rows + math.ceil(others / self.grid.size)
 
     @property
     def keeps_springs(self) -> bool:
@@ -87,7 +99,7 @@ class TractionInterior(Interior):
 
     def _recalled(self, fields: FloatArray) -> ComplexArray:
         """Return the values of the springs on all waves."""
-        count, shared = self._first(len(self._parts)), self._waves.share < 1
+        count, shared = self.rows, self._waves.share < 1
         values = super()._recalled(fields[:count])[:, self._waves.mode]
         others = np.ascontiguousarray(fields[count:]).ravel()[: 2 * count * np.count_nonzero(shared)]
         values[:, shared] = others.view(complex).reshape(count, -1)

@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 from functools import cached_property
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 from gfmdlayer.case.footprint import HEADER, REAL, ROWS, count_steps
@@ -19,23 +20,28 @@ from gfmdlayer.case.model import (
     NoRecorder,
     compile_by,
     make_body,
-    series_of,
 )
+from gfmdlayer.history.time_points import SAME_TIME
+from gfmdlayer.interface.adhesion import ShortRange
 from gfmdlayer.observables.contact import INDENTATION
 from gfmdlayer.observables.observable import Column
 from gfmdlayer.resumable import CompositeState
 from gfmdlayer.validation.sections import files_named
 
 if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
     from gfmdlayer.arrays import FloatArray
     from gfmdlayer.body.body import Body
     from gfmdlayer.case.model import Progress, Recorder, Resume
     from gfmdlayer.config import Config
     from gfmdlayer.indentation.indent import IsolatedIndentation
+    from gfmdlayer.indentation.solve import Edge
 
 # Adaptive steps of an isolated contact in a stretch between breakpoints, those that grow with the root of
 # the tolerance over 1e-4; quarters of a mesh that lands on the output times; the work of a step in
 # points times FFT pairs, and its seconds. Measured at tolerances from 1e-2 to 1e-6.
+_SAMPLES = 2000.0  # of a history, for each change of ln aT by one
 _FEWEST, _GROWING, _QUARTERS, _WORK, _SECONDS = 11, 21, 4, 500, 1e-4
 
 
@@ -62,7 +68,7 @@ class IsolatedContact(Model):
     @cached_property
     def body(self) -> Body:
         """The body under the indenter."""
-        return make_body(self.config, series_of(self.drives))
+        return make_body(self.config, self.drives.series())
 
     @cached_property
     def indentation(self) -> IsolatedIndentation:
@@ -74,19 +80,63 @@ class IsolatedContact(Model):
 
         config, drive = self.config, self.drives.drive
         grid, time = config.grid, config.time
-        times = [0.0, *sorted({each for each in drive.breakpoints if 0 < each < time.end}), time.end]
+        times = np.array(list(self._times_of_history()))
         by_force = config.trajectory.control == "force"
         return IsolatedIndentation(
             self.body,
             config.punch_in_units.revolution(),  # type: ignore[attr-defined]  # which the configuration has checked
-            History(np.array(times), np.array([drive(each) for each in times]), by_force),
+            History(self._reduced(times), np.array([drive(each) for each in times.tolist()]), by_force),
             tolerance=time.tolerance or DEFAULT_TOLERANCE,
             step=None if isinstance(time.step, str) else time.step,
-            snapshots=config.output.snapshot_times,
-            stops=self.drives.output_times,
+            adhesion=self._edge,
+            snapshots=self._reduced(config.output.snapshot_times).tolist(),
+            stops=self._reduced(self.drives.output_times).tolist(),
             points=grid.points[0],
             extent=grid.extent,
         )
+
+    @property
+    def _edge(self) -> Edge:
+        """The adhesion at the edge of the contact."""
+        from gfmdlayer.indentation.solve import NO_ADHESION, Edge
+
+        for law in self.config.interfaces:
+            assert isinstance(law, ShortRange)
+            return Edge(law.work, law.edge_speed or math.inf, law.edge_exponent, law.healing_work)
+        return NO_ADHESION
+
+    def _reduced(self, times: ArrayLike) -> FloatArray:
+        """Return the times at which the indenter is followed, which are reduced ones at a temperature."""
+        import numpy as np
+
+        reduced, given = self.drives.reduced_time, np.asarray(times, dtype=float)
+        return given if reduced is None else np.array([reduced.step(0.0, each) for each in given.tolist()])
+
+    def _in_time(self, reduced_times: FloatArray) -> FloatArray:
+        """Return the times of the rows or the profiles."""
+        import numpy as np
+
+        reduced = self.drives.reduced_time
+        if reduced is None:
+            return reduced_times
+        times = np.array([reduced.time(each) for each in reduced_times.tolist()])
+        landings = np.array(sorted({stop.time for stop in self.drives.landings}))
+        near = landings[np.abs(times[:, np.newaxis] - landings).argmin(axis=1)]
+        return np.where(np.abs(times - near) <= SAME_TIME * landings[-1], near, times)  # but for rounding
+
+    def _times_of_history(self) -> Iterator[float]:
+        """Yield times between which the history is linear in reduced time too, within 1e-7 of the change."""
+        import numpy as np
+
+        drives, end = self.drives, self.config.time.end
+        knots = [0.0, *sorted({each for each in drives.breakpoints if 0 < each < end}), end]
+        reduced = drives.reduced_time
+        for begin, stop in pairwise(knots):
+            # Between points over which aT grows by a part d, a line is off by d/8 of the change.
+            grows = 0.0 if reduced is None else abs(math.log(reduced.factor(stop) / reduced.factor(begin)))
+            count = math.ceil(_SAMPLES * grows) if drives.drive(begin) != drives.drive(stop) else 0
+            yield from np.linspace(begin, stop, max(count, 1) + 1)[:-1].tolist()
+        yield end
 
     @property
     def footprint(self) -> Footprint:
@@ -142,12 +192,13 @@ class IsolatedContact(Model):
         except ArithmeticError as error:
             raise ConvergenceError(str(error)) from error
         columns = contact.columns()
+        columns["time"] = self._in_time(columns["time"])
         for values in zip(*(each.tolist() for each in columns.values()), strict=True):
             recorder.row(**dict(zip(columns, values, strict=True)))
         if contact.snapshots:
             kept = contact.profiles()
             fields = {"displacement": kept.displacement, "pressure": kept.pressure, "gap": kept.gap}
-            for i, time in enumerate(kept.time.tolist()):
+            for i, time in enumerate(self._in_time(kept.time).tolist()):
                 recorder.snapshot(time, {name: profiles[i] for name, profiles in fields.items()})
         recorder.note(error=solved.error, solutions=solved.solutions)
         if said := [*filter(None, (*contact.warnings, contact.unbalanced("time.")))]:

@@ -9,12 +9,13 @@ import numpy as np
 
 from gfmdlayer.body.body import Body
 from gfmdlayer.body.inside import alike
-from gfmdlayer.body.layers import Layers
+from gfmdlayer.body.layers import Layers, thicknesses
 from gfmdlayer.body.materials import Elastic
+from gfmdlayer.body.pair import downwards, stacks
 from gfmdlayer.body.solid import LayerDepth, beyond, places
 from gfmdlayer.config import ConfigError
 from gfmdlayer.grid.grid import Grid
-from gfmdlayer.history.inside import INVARIANTS, Interior, NormalInterior, invariants, named
+from gfmdlayer.history.inside import INVARIANTS, Interior, NormalInterior, PairInterior, invariants, named
 from gfmdlayer.history.traction_inside import TractionInterior
 from gfmdlayer.interactive.one_contact import config_of, derived, numbers_in
 from gfmdlayer.results.names import VARIABLES
@@ -42,10 +43,11 @@ def inside(
         on a periodic grid: one case with snapshots, as `gfmdlayer.run` and `open_case` return it, or a
         result of `gfmdlayer.solve`.
     depths : sequence of float, shape (n,)
-        Depths z >= 0 below the surface of the undeformed body [length], increasing.
+        Depths z >= 0 below the surface of the undeformed body [length], increasing; of two bodies those below
+        zero are in the counterbody, which is above.
     body : Body, optional
-        A `LayerStack`, or a body of `halfspace` or `bonded_layer`; default: the body of the case's
-        configuration.
+        A `LayerStack`, a body of `halfspace` or `bonded_layer`, or a `Pair` of them; default: the body of
+        the case's configuration.
     trust : bool
         Run the Python code that the configuration names as its body; without it such a body is refused.
 
@@ -57,14 +59,14 @@ def inside(
         von_mises, largest_shear (half the difference of the largest and the least principal stress), and
         shear_on_plane (magnitude of the shear stress on the plane z = const: with stress_zz, the peel stress,
         the load of an interface). A depth at an interface is there twice: first the side above it, then the
-        side below. The dimension is z; its coordinate `layer` counts the layers from the surface, 0 first.
+        side below. The dimension is z; its coordinate `layer` counts the layers from the surface, 0 first;
+        those of a counterbody are -1, -2, ... from its surface.
 
     Raises
     ------
     ConfigError
-        If an argument cannot be used, or if the snapshots do not determine the stresses: two deformable
-        bodies, isolated contacts, and layers of different laws of which one relaxes, in snapshots without
-        `output.inside`.
+        If an argument cannot be used, or if the snapshots do not determine the stresses: isolated contacts,
+        and layers of different laws of which one relaxes, in snapshots without `output.inside`.
 
     Notes
     -----
@@ -85,13 +87,16 @@ def inside(
     axes = _checked(data)
     has_springs = "spring_force" in data and body is None
     shear = [f"shear_{axis}" for axis in axes if f"shear_{axis}" in data]
-    layers, elastic = _layers(body, data, known=has_springs, trust=trust)
-    rows = _places(layers, depths)
+    bodies, elastic = _layers(body, data, known=has_springs, trust=trust)
+    rows = _places(bodies, depths)
     leads = [str(name) for name in data["pressure"].dims if name not in axes]
     steps = [float(data[name][1] - data[name][0]) for name in axes]
     sizes = tuple(data.sizes[name] for name in axes)
     grid = Grid(sizes, tuple(n * h for n, h in zip(sizes, steps, strict=True)))
-    interior: Interior = (TractionInterior if shear else NormalInterior)(layers, grid, rows)
+    own: list[Interior] = [
+        (TractionInterior if shear else NormalInterior)(each, grid, rows) for each in bodies
+    ]
+    interior = own[0] if len(own) == 1 else PairInterior(own)
 
     def waves(name: str) -> ComplexArray:
         """Return the transforms of a field, (*leads, nq)."""
@@ -117,10 +122,13 @@ def inside(
         p, along = vectors(p, *shear), [f"displacement_{axis}" for axis in axes]
         if elastic:
             u = None
-        elif all(name in data and "z" not in data[name].dims for name in along):  # of `solve`
-            u = vectors(-waves("displacement"), *along)
+        elif len(bodies) == 1 and all(name in data and "z" not in data[name].dims for name in along):
+            u = vectors(-waves("displacement"), *along)  # of `solve`
         else:
-            u = np.full(p.shape, np.nan, dtype=complex)
+            each = [len(bodies)] * (len(bodies) > 1)
+            u = np.full((*p.shape[:-2], *each, *p.shape[-2:]), np.nan, dtype=complex)
+    elif len(bodies) > 1:
+        u = np.stack([waves(f"displacement_{name}") for name in ("body", "counterbody")], axis=-2)
     for at in np.ndindex(shape):
         if recorded:
             springs = interior.recalled(*(of[at] for of in recorded))
@@ -159,8 +167,12 @@ def _checked(data: xarray.Dataset) -> list[str]:
     return [name for name in ("x", "y") if name in data["pressure"].dims]
 
 
-def _layers(body: object, data: xarray.Dataset, *, known: bool, trust: bool) -> tuple[Layers, bool]:
-    """Return elastic layers of such moduli, and whether those of the data are; ConfigError if they do not do.
+def _layers(
+    body: object, data: xarray.Dataset, *, known: bool, trust: bool
+) -> tuple[tuple[Layers, ...], bool]:
+    """Return elastic layers of such moduli of each body, and whether those of the data are elastic.
+
+    ConfigError if they do not do.
 
     `known`: the data have the springs of the layers, which determine the stresses whatever the laws. Without
     them the laws must relax alike. The moduli count only relative to each other but under shear traction.
@@ -168,32 +180,40 @@ def _layers(body: object, data: xarray.Dataset, *, known: bool, trust: bool) -> 
     if body is None:
         if (config := config_of(data, trust=trust)) is None:
             raise ConfigError(["body: missing; data has no configuration that names it; give body"])
-        body, needs = config.solid, "layers without a counterbody"
-    else:
-        needs = "a LayerStack or one layer"
-    if not isinstance(body, Layers):
-        raise ConfigError([f"body: got {type(body).__name__}; inside needs {needs}"])
-    laws = [layer.material for layer in body.present]
-    if not (known or alike(laws)):
+        body = config.solid
+    if not (bodies := stacks(body)):
+        raise ConfigError([f"body: got {type(body).__name__}; inside needs layers, in a Pair in both bodies"])
+    if len(bodies) > 1 and "displacement_counterbody" not in data:
+        raise ConfigError(["data: has no displacement of each body; set output.snapshots and run it again"])
+    laws = [[layer.material for layer in each.present] for each in bodies]
+    if not (known or all(map(alike, laws))):
         raise ConfigError(
             [
                 "body: its layers relax by different laws, and displacement and pressure of the surface do "
                 "not determine the stresses below; set output.inside in the configuration and run it again"
             ]
         )
-    layers = [layer.with_law(Elastic(layer.material.unit)) for layer in body.present]
-    return Layers(layers, body.rigid), alike([*laws, Elastic(1.0)])
+    elastic = (
+        Layers([layer.with_law(Elastic(layer.material.unit)) for layer in each.present], each.rigid)
+        for each in bodies
+    )
+    return tuple(elastic), alike([*(law for own in laws for law in own), Elastic(1.0)])
 
 
-def _places(body: Layers, depths: Sequence[float] | FloatArray) -> list[LayerDepth]:
+def _places(bodies: Sequence[Layers], depths: Sequence[float] | FloatArray) -> list[LayerDepth]:
     """Return depth and number of the layer of each row; a depth at an interface has two."""
     z = numbers_in(depths)
-    if z.ndim != 1 or not z.size or not np.isfinite(z).all() or (z < 0).any():
-        raise ConfigError([f"depths: got {shown(depths)}; must be numbers >= 0, finite"])
+    least = " >= 0" * (len(bodies) == 1)
+    if z.ndim != 1 or not z.size or not np.isfinite(z).all() or (least and (z < 0).any()):
+        raise ConfigError([f"depths: got {shown(depths)}; must be numbers{least}, finite"])
     if (np.diff(z) <= 0).any():
         raise ConfigError([f"depths: got {shown(depths)}; must increase"])
-    thicknesses = [layer.thickness for layer in body.present]
-    if (row_and_thickness := beyond(thicknesses, z.tolist())) is not None:
-        i, whole = row_and_thickness
-        raise ConfigError([f"depths: got {z[i]:g}; must be at most {whole:g}, the body's thickness"])
-    return places(thicknesses, z.tolist())
+    own = z[z >= 0], -z[z <= 0][::-1] + 0.0  # inwards
+    for body, name, inwards in zip(bodies, ("body", "counterbody"), own, strict=False):
+        if (row_and_thickness := beyond(thicknesses(body), inwards.tolist())) is not None:
+            i, whole = row_and_thickness
+            message = f"got {inwards[i]:g}; must be at most {whole:g}, the {name}'s thickness"
+            raise ConfigError([f"depths: {message}"])
+    return downwards(
+        *(places(thicknesses(body), each.tolist()) for body, each in zip(bodies, own, strict=False))
+    )

@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 from pydantic import Discriminator, Field, Tag
 
 from gfmdlayer.interface.interface import Interface
-from gfmdlayer.validation.fields import File, Finite, MustBe, Optional, Positive, given, strict
+from gfmdlayer.validation.fields import File, Finite, MustBe, NotNegative, Optional, Positive, given, strict
 from gfmdlayer.validation.problems import ConfigError, Mistake
 from gfmdlayer.validation.reading import Reading, unread
 from gfmdlayer.validation.sections import Section
@@ -216,3 +216,28 @@ class Electrostatic(Interface):
 NO_PERMITTIVITY = (
     "missing; must be given in units of pressure length^2/V^2 (8.854e-12 with Pa and m), or units be given"
 )
+
+
+class ShortRange(Interface):
+    """Adhesion without a range: the edge of the contact takes energy (Johnson, Kendall & Roberts).
+
+    For an axisymmetric indenter. A periodic grid resolves no edge without a range. At a temperature with one
+    shift of all materials, aT v takes the place of the speed v.
+    """
+
+    law: Literal["short_range"] = "short_range"
+    """axisymmetric: energy that the edge of the contact takes, after JKR"""
+    work: Positive
+    """energy per area that a slowly receding edge takes, with the relaxed modulus: pressure length"""
+    edge_speed: Optional = None
+    """speed at which a receding edge takes twice the work; default: it takes the same at any: length/time"""
+    edge_exponent: Positive = 0.6
+    """exponent n of the work (1 + (v/edge_speed)^n) at a speed v"""
+    healing_work: Annotated[NotNegative | None, given] = None
+    """energy per area that a slowly advancing edge gains; default: most possible: pressure length"""
+
+    def interaction(self, units: Units | None = None) -> Interaction:  # noqa: ARG002
+        """Return no terms: nothing acts across the gap."""
+        from gfmdlayer.interface.law import HARD_WALL
+
+        return HARD_WALL

@@ -13,6 +13,7 @@ LAWS: Mapping[str, type[Interface]] = load_table(
     "gfmdlayer.interface.adhesion:Dugdale",
     "gfmdlayer.interface.adhesion:LennardJones",
     "gfmdlayer.interface.adhesion:Electrostatic",
+    "gfmdlayer.interface.adhesion:ShortRange",
     "gfmdlayer.interface.interface:Coulomb",
     "gfmdlayer.interface.interface:ShearStrength",
 )

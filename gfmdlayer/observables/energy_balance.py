@@ -84,7 +84,7 @@ class EnergyBalance(Observable):
     def __init__(self, case: Observed) -> None:
         self._work, self._lost, self._sums = 0.0, 0.0, case.grid.sums
         self._interface, self._has_losses = case.drives.interface, bool(case.config.interfaces)
-        self._by_depth = case.config.trajectory.control == "depth"
+        self._by_depth = case.config.trajectory.places
         self._torn = False  # whether a load has pulled the punch off
         self._energies = self._attraction = self._strength = 0.0  # of the last row
         self._largest = self._open = 0.0  # work or energy; residual

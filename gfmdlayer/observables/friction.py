@@ -194,15 +194,13 @@ class Slip(Observable):
         step = 0.0 if isinstance(self._time.step, str) else self._time.step
         if not (step or self._by_spacings) or self._change <= _CHANGES * self._heat:
             return ""
-        part = self._change / self._heat
+        part = self._change / self._heat if self._heat else math.inf
         if self._by_spacings:
             remedy = "more grid.points: a step moves by whole spacings"
         else:
-            remedy = f"time.step {rounded_down(0.5 * _CHANGES / part * step)}"
-        return (
-            f"SLIP HEAT is rough: in steps with slip the traction changes by {part:.2g} of itself, more than "
-            f"{_CHANGES:g}; use {remedy}"
-        )
+            remedy = f"time.step {rounded_down(0.5 * step * (_CHANGES / part if self._heat else 1.0))}"
+        changes = f"changes by {part:.2g} of itself, more than {_CHANGES:g}" if self._heat else "turns"
+        return f"SLIP HEAT is rough: in steps with slip the traction {changes}; use {remedy}"
 
     def measure(self, step: Step) -> Mapping[str, float]:
         """Return the columns of the case."""

@@ -8,7 +8,8 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from gfmdlayer.body.layers import interfaces
-from gfmdlayer.body.solid import DEPTH_PAIRS, LayerDepth
+from gfmdlayer.body.pair import downwards, stacks
+from gfmdlayer.body.solid import DEPTH_PAIRS
 from gfmdlayer.observables.observable import Column, Observed, Places, Value, declared
 from gfmdlayer.observables.transport import Every
 
@@ -45,10 +46,11 @@ class InsideColumns(Every):
             return None
         place = [column for column in PLACE if column.name[-1] != "y" or len(config.grid.points) == 2]
         columns = (VON_MISES, *place, SHEAR)
-        if not (depths := interfaces(config.solid)):
+        if not (found := downwards(*map(interfaces, stacks(config.solid)))):
             return columns
-        numbers = tuple(map(float, range(len(depths))))  # the same in cases of other thicknesses
-        along = Places("interface", "number of the interface, from the surface", "1", numbers)
+        numbers = tuple(float(place.layer) for place in found)  # the same in cases of other thicknesses
+        meaning = "number of the interface, from the surface; of a counterbody -1, -2, ..."
+        along = Places("interface", meaning, "1", numbers)
         return *columns, replace(PEEL, along=along), replace(PLANE_SHEAR, along=along)
 
     @classmethod
@@ -57,7 +59,8 @@ class InsideColumns(Every):
         asked = config.output.inside
         assert asked is not None
         assert asked.every is not None
-        count = len(asked.places(config.solid, config.grid.period)) + len(interfaces(config.solid))
+        count = len(asked.places(config.solid, config.grid.period))
+        count += len(downwards(*map(interfaces, stacks(config.solid))))
         return DEPTH_PAIRS * count / asked.every, 0.0
 
     def __init__(self, case: Observed) -> None:
@@ -67,7 +70,7 @@ class InsideColumns(Every):
         assert asked.every is not None
         super().__init__(case, asked.every)
         self._interior = case.interior
-        self._interfaces = [LayerDepth(depth, i) for i, depth in enumerate(interfaces(config.solid))]
+        self._interfaces = downwards(*map(interfaces, stacks(config.solid)))
 
     def measure(self, step: Step) -> Mapping[str, Value]:
         """Return the largest stresses."""
@@ -90,7 +93,7 @@ class InsideColumns(Every):
                 along = zip(self._grid.coordinates, index, strict=True)
                 largest, at = found, (*(float(x[i]) for x, i in along), place.depth)
         # Of equal values the place at the least depth counts, and there the first one: all of one rank.
-        largest, at = max(ranks.all_of((largest, at)), key=lambda each: (each[0], -each[1][-1]))
+        largest, at = max(ranks.all_of((largest, at)), key=lambda each: (each[0], -abs(each[1][-1])))
         row: dict[str, Any] = {VON_MISES.name: largest, SHEAR.name: ranks.maximum(shear)}
         for axis, x in zip("xyz" if len(at) == 3 else "xz", at, strict=True):
             row[f"largest_von_mises_{axis}"] = x if largest > 0 else math.nan

@@ -121,6 +121,9 @@ class Observed(Protocol):
     def body(self) -> Body:
         """The body under the surface."""
 
+    def in_cell(self, body: Body) -> Body:
+        """Return a body as it answers in the cell: without periodic images in an isolated contact."""
+
     @property
     def series(self) -> tuple[PronySeries, ...]:
         """The laws of layers and halfspace as series of Maxwell branches."""

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from gfmdlayer.arrays import FloatArray
     from gfmdlayer.config import Config
-    from gfmdlayer.config.sections import Conductor
+    from gfmdlayer.config.sections import Conductance, Conductor
     from gfmdlayer.resumable import State
     from gfmdlayer.step import Step
 
@@ -200,14 +200,16 @@ class OfSpots(Every):
         import numpy as np
 
         from gfmdlayer.grid.grid import Grid
-        from gfmdlayer.transport.spots import Spots, impedance
+        from gfmdlayer.transport.spots import Conductors, Spots, impedance, inverse
 
         super().__init__(case, every)
         self._spots = None
         if case.grid.ranks.first:
-            q = Grid(case.grid.points, case.grid.period).wavenumbers
-            every_side = [impedance(q, films, base) for films, base in sides]
-            self._spots = Spots(np.sum(every_side, axis=0), _cell(case.grid))
+            whole = Grid(case.grid.points, case.grid.period)
+            Z = np.sum([impedance(whole.wavenumbers, films, base) for films, base in sides], axis=0)
+            if case.config.grid.isolated:
+                Z = inverse(case.in_cell(Conductors(sides)).stiffness(whole.waves, 0.0))
+            self._spots = Spots(Z, _cell(case.grid))
 
     def _total(self, step: Step) -> float:
         """Return the flow through the spots at a potential of 1."""
@@ -256,7 +258,8 @@ class ConductanceColumns(OfSpots):
     """Resistance of the contact spots between two conductors (`output.conductance`).
 
     Constriction and films on both sides, and the films in series over the cell. Without contact it is
-    infinite. On a line it is the resistance times the length of the line.
+    infinite. On a line it is the resistance times the length of the line. Of an isolated contact the cell has
+    no share: potentials count from far away, of a line on a halfspace from the distance `grid.datum`.
     """
 
     COLUMNS = (RESISTANCE,)
@@ -279,10 +282,10 @@ class ConductanceColumns(OfSpots):
     def __init__(self, case: Observed) -> None:
         asked = case.config.output.conductance
         assert asked is not None
-        sides = [_conductor(each) for each in (asked.body, asked.punch)]
+        sides = conductors(asked)
         super().__init__(case, asked.every, sides)
         in_series = sum(d / k for films, base in sides if 0 < base < math.inf for d, k in films)
-        self._series = in_series / math.prod(case.grid.period)
+        self._series = 0.0 if case.config.grid.isolated else in_series / math.prod(case.grid.period)
 
     def measure(self, step: Step) -> Mapping[str, float]:
         """Return the resistance."""
@@ -295,8 +298,9 @@ class ConductanceColumns(OfSpots):
 class StiffnessColumns(Every):
     """Dynamic stiffness of the contact, force over depth, at a frozen contact area (`output.stiffness`).
 
-    Storage and loss at each frequency, for amplitudes that leave the contact area as it is. It is no slope of
-    force over depth during the run, which depends on the rate.
+    Storage and loss at each frequency, for amplitudes that leave the contact area as it is; an attraction
+    adds the change of its traction out of contact. It is no slope of force over depth during the run, which
+    depends on the rate.
     """
 
     @classmethod
@@ -321,8 +325,8 @@ class StiffnessColumns(Every):
         asked = case.config.output.stiffness
         assert asked is not None
         super().__init__(case, asked.every)
-        self._frequencies, self._body = asked.frequencies, case.body
-        self._reduced_time = next(filter(None, case.drives.reduced_times), None)
+        self._frequencies, self._body = asked.frequencies, case.in_cell(case.body)
+        self._reduced_time = case.drives.reduced_time
 
     def measure(self, step: Step) -> Mapping[str, Value]:
         """Return storage and loss stiffness at each frequency."""
@@ -332,23 +336,36 @@ class StiffnessColumns(Every):
         if self._due(step.time):
             reduced = self._reduced_time
             factor = 1.0 if reduced is None else reduced.factor(step.time)
-            touching = step.fields["touching"]
-            total = _whole(self._grid, touching, lambda contact: self._measured(contact, factor))
+            touching, law = step.fields["touching"], step.interface
+            # NaN marks the points in contact, so that one field reaches the first rank.
+            curvature = np.zeros(touching.size)
+            if law.attracts:
+                curvature = law.curvature(step.fields["gap"])
+            field = np.where(touching, np.nan, curvature)
+            total = _whole(self._grid, field, lambda whole: self._measured(whole, factor))
         return {"storage_stiffness": total.real.copy(), "loss_stiffness": total.imag.copy()}
 
-    def _measured(self, contact: NDArray[Any], factor: float) -> NDArray[Any]:
-        """Return K* of a contact; where K(q, s) is proportional to K(q, 0), by one solution."""
+    def _measured(self, curvature: NDArray[Any], factor: float) -> NDArray[Any]:
+        """Return K* from the curvature of the interface, NaN in contact, at all frequencies.
+
+        Without attraction one solution does where K(q, s) is proportional to K(q, 0).
+        """
         import numpy as np
 
         from gfmdlayer.grid.grid import Grid
-        from gfmdlayer.transport.spots import Spots, inverse
+        from gfmdlayer.transport.spots import Spots, attracted, inverse
 
+        contact = np.isnan(curvature)
+        attracts = bool(np.nan_to_num(curvature).any())
         waves = Grid(self._grid.points, self._grid.period).waves
         body, before, totals = self._body, None, []
         for frequency in self._frequencies:
             s = 2j * math.pi * frequency * factor
             K = body.spectrum(waves).glassy if math.isinf(frequency) else np.asarray(body.stiffness(waves, s))
             K = K if np.any(K.imag) else np.ascontiguousarray(K.real)
+            if attracts:
+                totals.append(complex(attracted(K, curvature, contact, _cell(self._grid))))
+                continue
             if before is not None:
                 ratio = (K / np.where(before[0] == 0, 1.0, before[0])).ravel()[1:]
                 if np.ptp(ratio.real) + np.ptp(ratio.imag) <= 1e-12 * abs(ratio[0]):
@@ -367,6 +384,11 @@ def _spacing(grid: Any) -> tuple[float, float]:
 
 def _cell(grid: Any) -> float:
     return float(math.prod(grid.period) / math.prod(grid.points))
+
+
+def conductors(asked: Conductance) -> list[tuple[tuple[tuple[float, float], ...], float]]:
+    """Return films and base of both conductors."""
+    return [_conductor(each) for each in (asked.body, asked.punch)]
 
 
 def _conductor(side: Conductor) -> tuple[tuple[tuple[float, float], ...], float]:

@@ -138,6 +138,7 @@ SYMBOLS: dict[str, tuple[str, str]] = {
     "trajectory.tangential.displacement": ("displacement along the surface", "D_0"),
     "trajectory.tangential.force": ("force along the surface", "Q_0"),
     "trajectory.depth": ("depth of the indentation", "h_0"),
+    "trajectory.gap": ("mean gap of the path", "g_0"),
     "trajectory.load": ("mean pressure on the punch", "p_0"),
     "trajectory.force": ("force on the punch", "F_0"),
     "trajectory.velocity": ("velocity of the punch along x", "v"),

@@ -27,6 +27,7 @@ from gfmdlayer.study.folder import Folder, FolderError
 from gfmdlayer.study.preflight import launched_size
 from gfmdlayer.study.schedule import Outcome
 from gfmdlayer.study.workers import LauncherError, WorkerPool, alone, guarded, ranks, world
+from gfmdlayer.validation.problems import Mistake
 
 Result = TypeVar("Result")
 
@@ -121,7 +122,9 @@ def with_shared_solver(config: Config) -> Config:
 def input_errors_together(config: Config, ranks_per_case: int) -> Iterable[tuple[str, str]]:
     """Check the cases for several ranks, and by these ranks their numbers and input files."""
     config = with_shared_solver(config)
-    errors = [error for case in Cases(config).sample() for error in _errors(case.config, ranks_per_case)]
+    sample = Cases(config).sample()
+    found = (mistake for case in sample for mistake in problems_together(case.config, ranks_per_case))
+    errors = [(mistake.key, mistake.message) for mistake in found]
     return list(dict.fromkeys(errors)) or _OwnGroup.group.run(_input_errors, config)
 
 
@@ -143,20 +146,23 @@ def _input_errors(config: Config, ranks: Ranks) -> list[tuple[str, str]]:
         return list(errors_of(Cases(config), ranks))
 
 
-def _errors(config: Config, ranks: int) -> Iterator[tuple[str, str]]:
+def problems_together(config: Config, ranks: int) -> Iterator[Mistake]:
+    """Yield why several ranks cannot share the cases of a configuration without a sweep."""
     condition = f"with {ranks} ranks a case"
     if not config.geometry.on_grid:
-        yield "grid.geometry", f"got {config.grid.geometry!r}; must be periodic {condition}"
+        message = f"got {config.grid.geometry!r}; must be periodic {condition}"
+        yield Mistake(("grid", "geometry"), message, because="physics")
         return
     if reason := refused(config.grid.points, ranks):
-        yield "grid.points", f"got {reason}"
+        yield Mistake(("grid", "points"), f"got {reason}", because="physics")
     chosen = config.contact_solver.method
     if config.friction:
-        yield "interface", f"has friction; must have none {condition}"
+        yield Mistake(("interface",), f"has friction; must have none {condition}", because="open")
     elif not SOLVERS[chosen].distributed:
         able = " or ".join(name for name, solver in SOLVERS.items() if solver.distributed)
-        yield "solver.method", f"got {chosen!r}; must be {able} {condition}"
+        yield Mistake(("solver", "method"), f"got {chosen!r}; must be {able} {condition}")
     if config.output.keep_state:
-        yield "output.keep_state", f"got true; must be false {condition}"
+        yield Mistake(("output", "keep_state"), f"got true; must be false {condition}")
     if reason := config.punch.whole_only:
-        yield "punch", f"{reason}, which needs the whole surface; not possible {condition}"
+        message = f"{reason}, which needs the whole surface; not possible {condition}"
+        yield Mistake(("punch",), message, because="open")

@@ -9,9 +9,10 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from os import PathLike
-from typing import Any
+from typing import Any, Literal
 
 Location = tuple[str | int, ...]
+Reason = Literal["", "physics", "open"]
 
 
 A_NUMBER = "numbers have a decimal point, no quotes and no unit"
@@ -57,6 +58,8 @@ class Mistake:
     others: tuple[str, ...] = ()  # further dotted keys on whose values the message depends
     at_key: bool = False  # whether the key is wrong instead of its value
     chooses: bool = False  # whether its section has no meaning without the key: it chooses it, or is required
+    # Why two abilities do not go together: physics, or open where only the package lacks something.
+    because: Reason = ""
 
     @property
     def key(self) -> str:

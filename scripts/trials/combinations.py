@@ -482,12 +482,12 @@ CONTRARY = (
     {"motion", "backward Euler"},
     {"isolated", "motion"},
     *({law, other} for law in _FRICTION for other in _WITHOUT_FRICTION),
-    *({"inside", other} for other in (*_FRICTION, "isolated", "body", "counterbody", "revolution")),
+    *({"inside", other} for other in ("isolated", "body", "revolution")),
     *(
         {"revolution", other}
         for other in (
-            *_FRICTION, "temperature", "adhesion", "voltage", "hardness", "motion", "isolated", "body",
-            "counterbody", "backward Euler", "solver", "columns",
+            *_FRICTION, "adhesion", "voltage", "hardness", "motion", "isolated", "body", "backward Euler",
+            "solver", "columns",
         )
     ),
 )  # fmt: skip

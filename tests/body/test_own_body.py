@@ -159,7 +159,7 @@ FILE = "{file: winkler.py, k: 1}"
         ("{file: nothing.py, k: 1}", "nothing.py does not exist; must be the name of a readable file,"),
         (FILE + "\nlayer: {}", "case.yaml:4:1: layer: not available with body: {kind: winkler}; remove it"),
         (FILE + "\nhalfspace: {}", "case.yaml:4:1: halfspace: not available with body: {kind: winkler}"),
-        (FILE + "\ngrid: {geometry: axisymmetric}", "axisymmetric, which this body does not allow; must be"),
+        (FILE + "\ngrid: {geometry: axisymmetric}", "axisymmetric, for which its compliance is missing"),
     ],
 )  # fmt: skip
 @pytest.mark.usefixtures("here")

@@ -559,3 +559,21 @@ def test_the_events_have_times():
     first, full, again = (found.attrs[name] for name in ("first_slip", "full_slip", "restick"))
     assert 1.0 < first < full < 1.5 < again <= 1.55  # it turns at 1.5
     assert float(found.stick_area.sel(time=full, method="nearest")) == 0
+
+
+@pytest.mark.filterwarnings("ignore:COARSE", "ignore:UNBALANCED")
+def test_slip_whose_traction_turns_in_each_step_says_that_its_heat_is_rough():
+    config = gfmdlayer.Config(name="a").with_values(
+        {
+            "grid.points": 16,
+            "interface": {"law": "coulomb", "coefficient": 0.4},
+            "trajectory": {
+                "ramp_time": 0.25,
+                "velocity": 1.0,
+                "tangential": {"control": "force", "force": 1e-4},
+            },
+            "time": {"end": 0.25, "step": 0.0625},
+        }
+    )
+    with pytest.warns(UserWarning, match=r"SLIP HEAT is rough: .* the traction turns; use time\.step 0\.03"):
+        assert float(gfmdlayer.run(config).slip_heat[-1]) == 0

@@ -339,3 +339,25 @@ def test_no_column_of_a_contact_with_friction_is_a_mean_over_the_cell():
         assert "over the cell" not in each.origin
         assert "per area" not in each.long_name
         assert "mean tangential" not in each.long_name
+
+
+@pytest.mark.filterwarnings("ignore:grid.period", "ignore:COARSE")
+def test_a_punch_that_moves_without_friction_has_the_force_of_a_wide_periodic_cell():
+    """On a bonded layer images two periods away do not count; the response without them is within 1e-3.
+
+    The run ends before what the body remembers leaves the cell.
+    """
+    base = {
+        "layer": {"thickness": 0.2, "poisson": 0.45},
+        "halfspace.shear_modulus": math.inf,
+        "punch.radius": 1.0,
+        "trajectory": {"depth": 0.01, "ramp_time": 0.5, "velocity": 0.5},
+        "time": {"end": 0.75, "step": 0.0625},
+    }
+    alone = {"grid": {"points": [32, 32], "period": 1.0, "boundary": "isolated"}}
+    config = gfmdlayer.Config(name="a")
+    found = gfmdlayer.run(config.with_values(base | alone))
+    wide = gfmdlayer.run(config.with_values(base | {"grid": {"points": [64, 64], "period": 2.0}}))
+    assert float(found.force[-1]) == pytest.approx(float(wide.force[-1]), rel=1e-3)
+    named = gfmdlayer.run(config.with_values(base | alone), interface={"law": "coulomb", "coefficient": 0})
+    np.testing.assert_array_equal(named.force, found.force)

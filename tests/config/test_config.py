@@ -54,9 +54,9 @@ def test_a_misspelt_kind_is_one_error_without_the_keys_of_another(tmp_path, cont
     ("content", "key"),
     [
         (
-            "grid: {geometry: axisymmetric}\ncounterbody: {layer: {thickness: 0.2}}\n"
-            "sweep: {counterbody.layer.thickness: [0.1, 0.2]}",
-            "counterbody: not available",
+            "grid: {geometry: axisymmetric}\noutput: {leakage: {every: 2}}\n"
+            "sweep: {output.leakage.every: [2, 3]}",
+            "output.leakage: got",
         ),
         (
             "trajectory: {tangential: {displacement: 0.01}}\n"

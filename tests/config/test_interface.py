@@ -107,7 +107,8 @@ def test_the_solver_is_one_for_attraction_unless_another_is_named():
 @pytest.mark.parametrize(
     ("sections", "said"),
     [
-        (AXISYMMETRIC | {"interface": LAW}, "interface: not available with grid.geometry: axisymmetric"),
+        (AXISYMMETRIC | {"interface": LAW},
+         "interface.law: got 'exponential'; an attraction over a range is not available with grid.geometry"),
         (AXISYMMETRIC,
          "interface: its hardness is not available with grid.geometry: axisymmetric; remove it, or take"),
         ({"interface": HARD | {"hardness": 0}}, "interface.hardness: got 0; must be a number > 0"),

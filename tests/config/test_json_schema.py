@@ -190,6 +190,12 @@ sweep: {interface.insulation.0.thickness: [0.1, 0.2]}
     LINE + "punch: {shape: profile, file: heights.txt}\nsweep: {solver.method: [fire, active_set]}\n",
     SURFACE + "punch: {radius: [0.5, .inf]}\nunits: {length: um, stress: MPa, time: s}\n",
     LINE + "trajectory: {control: force, force: 1.0}\n",
+    LINE + "trajectory: {control: gap, gap: 0.1}\n",
+    """\
+name: jkr
+grid: {geometry: axisymmetric}
+interface: {law: short_range, work: 1, edge_speed: 2, healing_work: 0, edge_exponent: 0.5}
+""",
     LINE + """\
 trajectory: {kind: approach_retract, start: -0.1, depth: 0.01, approach_speed: 0.1, dwell: 1,
   retract_speed: 1, final: -0.2, cycles: 2}

@@ -107,3 +107,35 @@ def test_a_load_on_a_flat_punch_is_carried_by_all_points_alike(method, height):
     )
     assert found["contact_area"].values[1:] == pytest.approx(1.0)
     assert found["mean_pressure"].values[-1] == pytest.approx(0.5)
+
+
+ADHESION = {"law": "exponential", "work": 2e-4, "range": 0.02}
+
+
+@pytest.mark.parametrize(
+    "beside",
+    [
+        {},
+        {"halfspace": {"shear_modulus": math.inf}},
+        {"halfspace": {"shear_modulus": math.inf}, "interface": ADHESION},
+        {"halfspace": {"shear_modulus": math.inf}, "trajectory.velocity": 0.3},
+        {"interface": {"law": "coulomb", "coefficient": 0.3}},
+    ],
+    ids=["mean at rest", "compressible", "adhesion", "moving", "friction"],
+)
+def test_a_mean_gap_has_the_surface_of_the_load_that_is_found(tmp_path, beside):
+    """The mean of a parabola on these points is (L^2 + 2 h^2)/24 R, with the spacing h."""
+    base = {"time": {"end": 0.5, "step": 0.125}, "output.snapshots": [0.25, 0.5], "solver.tolerance": 1e-11}
+    base |= {"grid.points": 64, "layer": {"thickness": 0.1, "poisson": 0.3}} | beside
+    config = gfmdlayer.Config(name="a")
+    by_gap = {"trajectory.control": "gap", "trajectory.gap": 0.15, "trajectory.ramp_time": 0.25}
+    found = gfmdlayer.run(config.with_values(base | by_gap))
+    touch = (1 + 2 / 64**2) / (24 * 0.25)
+    np.testing.assert_allclose(found.mean_gap, [touch, (touch + 0.15) / 2, 0.15, 0.15, 0.15], rtol=1e-12)
+    table = tmp_path / "load.txt"
+    np.savetxt(table, np.column_stack([found.time, 2 * found.mean_pressure]))  # of a G0 of 1
+    by_load = {"trajectory.control": "load", "trajectory.kind": "table", "trajectory.file": str(table)}
+    again = gfmdlayer.run(config.with_values(base | by_load))
+    for field in ("gap", "pressure", "displacement"):
+        np.testing.assert_allclose(again[field], found[field], rtol=1e-7, atol=1e-9)
+    np.testing.assert_allclose(again.depth, found.depth, rtol=1e-7, atol=1e-10)

@@ -5,6 +5,7 @@ import math
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 from scipy.special import exp1
 
 from gfmdlayer import Config, ConfigError, load
@@ -13,8 +14,10 @@ from gfmdlayer.body.relaxation import Spectrum
 from gfmdlayer.body.shifts import WLF, Arrhenius
 from gfmdlayer.case.case import Case
 from gfmdlayer.case.model import simulate
+from gfmdlayer.grid.sums import Sums
 from gfmdlayer.history.modes import SCHEMES, Modes
-from gfmdlayer.history.reduced_time import ReducedTime
+from gfmdlayer.history.reduced_time import MotionInReducedTime, ReducedTime
+from gfmdlayer.history.sliding_modes import SlidingModes
 from gfmdlayer.time_functions import Constant, Table
 from tests.recordings import Kept
 
@@ -55,6 +58,44 @@ def test_steps_add_up_across_the_rows_of_a_table_and_its_ends(shift):
     assert reduced.step(-0.5, 4.5) == pytest.approx(math.fsum(parts), rel=ROUNDING)
     assert parts[0] == pytest.approx(0.5 / shift.factor(10.0), rel=ROUNDING)
     assert parts[-1] == pytest.approx(1.5 / shift.factor(25.0), rel=ROUNDING)
+
+
+@pytest.mark.parametrize("shift", LAWS, ids=identity)
+def test_the_time_of_a_reduced_time_is_its_inverse(shift):
+    reduced = ReducedTime(shift, table((0.0, 10.0), (1.0, 90.0), (2.5, 25.0)))
+    for time in (0.0, 1e-9, 0.3, 1.0, 1.7, 2.5, 40.0):
+        # By rounding of the reduced time, of which most has passed in the warm middle.
+        within = 4 * ROUNDING * reduced.step(0.0, time) * reduced.factor(time)
+        assert reduced.time(reduced.step(0.0, time)) == pytest.approx(time, rel=4 * ROUNDING, abs=within)
+
+
+def test_a_mode_under_a_moving_punch_follows_a_changing_temperature_with_second_order():
+    # dY/dt + (1/(aT theta) - i q v) Y = dU/dt - i q v U in time, with U = 0.2 + t and 4 degrees more.
+    # Over a step of the finest ones ln aT changes by .08: errors of a second order of at most its square.
+    theta, q, end, velocity = 0.4, 9.0, 1.0, table((0.0, 0.5), (1.0, 0.8))
+    reduced = ReducedTime(LAWS[0], table((0.0, 18.0), (1.0, 22.0)))
+
+    def rate(t, y):
+        drift = 1j * q * velocity(t)
+        return 1.0 - drift * (0.2 + t) - (1 / (theta * reduced.factor(t)) - drift) * y
+
+    exact = solve_ivp(rate, (0.0, end), [0.2 + 0j], rtol=1e-11, atol=1e-13, method="DOP853").y[0, -1]
+    errors = []
+    for count in (10, 20, 40):
+        modes = SlidingModes(
+            Spectrum(np.array([0.3]), np.array([[1.7]]), np.array([[theta]])),
+            Sums(np.ones(1)),
+            wavenumbers_x=np.full((2, 1), q),
+            velocity=MotionInReducedTime(velocity, reduced),
+        )
+        for step in range(count + 1):
+            time = end * step / count
+            modes.terms(reduced.step(time - end / count, end / count) if step else 0.0)
+            modes.advance(np.array([complex(0.2 + time)]))
+        errors.append(abs(modes.stretches[0, 0] - exact) / abs(exact))
+    assert errors[2] < 0.08**2
+    assert errors[1] < errors[0] / 3.5
+    assert errors[2] < errors[1] / 3.5
 
 
 @pytest.mark.parametrize("shift", LAWS, ids=identity)
@@ -115,6 +156,40 @@ def test_a_run_at_a_temperature_equals_a_run_at_shifted_times(time, velocity):
         np.testing.assert_allclose(warm[column], shifted[column], rtol=1e-7, atol=1e-12)
     assert warm["temperature"][0] == 22.0
     assert warm["shift_factor"][-1] == shift.factor(22.0)
+
+
+STACK = (0.02, 0.3), (0.1, 2.0)  # thicknesses and times
+OTHER = {"law": "arrhenius", "activation_energy": 8e4, "reference": 20.0}
+COULOMB = {"law": "coulomb", "coefficient": 0.3}
+GRID = {"grid.points": 64, "solver.tolerance": 1e-9}
+
+
+@pytest.mark.parametrize(
+    ("column", "beside"),
+    [
+        ("mean_pressure", {"time.step": 0.25}),
+        ("friction", {"trajectory.velocity": 0.1}),
+        ("mean_pressure", {"interface": COULOMB, "trajectory.tangential": {"displacement": 0.002}}),
+        ("force", {"grid.boundary": "isolated", "halfspace.shear_modulus": math.inf}),
+        ("mean_pressure", {"counterbody": {"halfspace": {"shear_modulus": 3.0}}}),
+        ("storage_stiffness", {"output.stiffness": {"frequencies": [0.1]}}),
+        ("force", {"grid": {"geometry": "axisymmetric"}, "punch.radius": 0.1}),
+    ],
+)
+def test_shifts_that_differ_at_a_constant_temperature_are_other_times(column, beside):
+    base = {"time": {"end": 1.0, "step": 0.125}} | ({} if "grid" in beside else GRID) | beside
+
+    def run(*laws, **more):
+        zener = ({"model": "zener", "tau": tau} | law for (_, tau), law in zip(STACK, laws, strict=True))
+        layers = [{"thickness": d, "material": law} for (d, _), law in zip(STACK, zener, strict=True)]
+        found = Kept()
+        simulate(Config(name="a").with_values({**base, "layers": layers, **more}), found)
+        return found
+
+    warm = run({"shift": SHIFT}, {"shift": OTHER}, temperature={"value": 22.0})
+    factors = WLF(**SHIFT).factor(22.0), LAWS[1].factor(22.0)
+    shifted = run(*({"tau": tau * factor} for (_, tau), factor in zip(STACK, factors, strict=True)))
+    np.testing.assert_allclose(warm[column], shifted[column], rtol=1e-7, atol=1e-12)
 
 
 def test_the_balance_of_energy_closes_over_a_jump_of_temperature(tmp_path):

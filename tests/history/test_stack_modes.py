@@ -11,7 +11,6 @@ from gfmdlayer import Config
 from gfmdlayer.body.layer import Layer
 from gfmdlayer.body.layers import LayerStack, halfspace
 from gfmdlayer.body.materials import Prony
-from gfmdlayer.body.pair import Pair
 from gfmdlayer.body.shifts import WLF, Arrhenius
 from gfmdlayer.case.case import Case
 from gfmdlayer.case.model import simulate
@@ -203,6 +202,9 @@ BODY = {
 }
 
 
+FLAT = {"punch": {"shape": "flat", "width": 0.25, "edge_radius": 1e-6}}
+
+
 @pytest.fixture
 def heated(tmp_path):
     """A rise of the temperature by 12 degrees, while the punch is pressed in and after it."""
@@ -225,7 +227,7 @@ def run(values, time):
 def test_runs_under_a_ramp_of_temperature_are_of_second_order_and_balance(heated):
     """Under a flat punch, whose contact does not change; the bounds are those of the order, 1/4, as above."""
     times, steps = np.arange(1, 26) * 0.1, (0.1, 0.05, 0.025)
-    flat = heated | {"punch": {"shape": "flat", "width": 0.25, "edge_radius": 1e-6}}
+    flat = heated | FLAT
     fine = run(flat, {"step": 0.1 / 16}).at("mean_pressure", times)
     runs = [run(flat, {"step": step}) for step in steps]
     errors = [np.abs(each.at("mean_pressure", times) - fine).max() / fine.max() for each in runs]
@@ -249,8 +251,37 @@ def test_a_body_of_one_reduced_time_is_refused_where_shifts_differ(heated):
     config = Config(name="a").with_values(heated | {"time.end": 2.5})
     with pytest.raises(TypeError, match="a ViscoelasticLayer of 1 materials; must have the 2 of the"):
         Case(config, body=halfspace(1.0)).contact.history  # noqa: B018
-    with pytest.raises(TypeError, match="a Pair has one reduced time; must be a body with the method"):
-        Case(config, body=Pair(halfspace(1.0), halfspace(2.0))).contact.history  # noqa: B018
+
+
+def test_two_equal_bodies_with_layers_of_different_shifts_deform_like_one_of_half_the_moduli(heated):
+    def halved(layer):
+        law = layer["material"]
+        branches = [{**each, "G": each["G"] / 2} for each in law["branches"]]
+        return {**layer, "material": {**law, "G0": law["G0"] / 2, "branches": branches}}
+
+    one = {
+        "layers": [halved(each) for each in BODY["layers"]],
+        "halfspace": {"poisson": 0.3, "shear_modulus": 10.0},
+    }
+    for time in ({"step": 0.25}, {"step": "adaptive", "tolerance": 1e-3}):
+        pair, single, config = Kept(), Kept(), Config(name="a")
+        simulate(config.with_values(heated | {"counterbody": BODY, "time": {"end": 2.5} | time}), pair)
+        simulate(config.with_values(heated | one | {"time": {"end": 2.5} | time}), single)
+        np.testing.assert_allclose(pair["time"], single["time"], rtol=1e-9)
+        for column in ("stored", "dissipated"):
+            np.testing.assert_allclose(pair[column], single[column], rtol=1e-5, atol=1e-12)
+
+
+def test_a_counterbody_that_does_not_relax_needs_no_shift(heated):
+    """The balance of energy closes in second order."""
+    left = []
+    for step in (0.125, 0.0625):
+        found = Kept()
+        beside = {"counterbody": {"halfspace": {"shear_modulus": 3.0}}, "time": {"end": 2.5, "step": step}}
+        simulate(Config(name="a").with_values(heated | FLAT | beside), found)
+        left.append(np.abs(found["energy_residual"]).max() / found["work"].max())
+    assert left[0] < 0.01
+    assert left[1] < left[0] / 3
 
 
 def test_an_elastic_skin_needs_no_shift(heated):

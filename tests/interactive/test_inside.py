@@ -210,3 +210,86 @@ def test_isolated_contacts_and_unknown_displacements_are_refused():
     unknown = periodic.assign(displacement=periodic.displacement.where(periodic.x > 0))
     with pytest.raises(ConfigError, match="displacement has values that are not finite"):
         gfmdlayer.inside(unknown, [0.1], body=body)
+
+
+def body_of(*layers, modulus):
+    return {"layers": list(layers), "halfspace": {"shear_modulus": modulus, "poisson": 0.35}}
+
+
+@pytest.mark.parametrize("points", [128, [16, 16]])
+def test_the_fields_of_two_bodies_are_those_of_each_body_alone_under_the_same_pressure(points):
+    """Elastic layers on halfspaces: each body alone, as a body of its own under the pressure of the pair."""
+    film = {"thickness": 0.02, "poisson": 0.4, "material": {"model": "elastic", "G": 4.0}}
+    lower = {"thickness": 0.1, "poisson": 0.45, "material": {"model": "elastic", "G": 1.0}}
+    one, two = body_of(film, lower, modulus=5.0), body_of(lower, modulus=2.0)
+    data = gfmdlayer.run(
+        {**one, "counterbody": two, "grid": {"points": points}, "time": {"end": 1.0, "step": 0.5},
+         "output": {"snapshots": [1.0], "inside": {"depths": [0.01, 0.1, 0.2], "every": 1}}}
+    )  # fmt: skip
+    assert data.z.values.tolist() == [-0.2, -0.1, -0.1, -0.01, 0.01, 0.1, 0.2]
+    assert data.layer.values.tolist() == [-2, -2, -1, -1, 0, 1, 2]
+    found = gfmdlayer.inside(data, [-0.2, -0.01, 0.01, 0.2])
+    for keys, name, sign in ((one, "body", 1), (two, "counterbody", -1)):
+        own = data.assign(displacement=data[f"displacement_{name}"]).isel(z=[])
+        alone = gfmdlayer.inside(own, [0.01, 0.2], body=gfmdlayer.Config(name="a", **keys).solid)
+        for field in ("displacement_x", "displacement_z", "stress_xx", "stress_zz", "stress_xz", "von_mises"):
+            odd = sign if field in ("displacement_z", "stress_xz") else 1
+            expected, scale = odd * alone[field], 1e-12 * float(abs(alone[field]).max())
+            for z in (0.01, 0.2):
+                there = found[field].sel(z=sign * z)
+                np.testing.assert_allclose(there, expected.sel(z=z), rtol=0, atol=scale)
+                np.testing.assert_allclose(data[field].sel(z=sign * z), there, rtol=0, atol=1e6 * scale)
+    assert data.interface.values.tolist() == [-1, 0, 1]
+
+
+def test_two_bodies_that_relax_by_different_laws_have_the_pressure_at_the_contact():
+    """The pressure is computed by the contact solver; each body follows its own history, sliding or not."""
+    for motion in ({}, {"trajectory.velocity": 0.05}):
+        data = gfmdlayer.run(RUN, **laws(), counterbody=laws(), **motion)
+        found = gfmdlayer.inside(data, [-0.1, 0.0, 0.1])
+        assert found.layer.values.tolist() == [-3, -2, -1, 0, 1, 2]
+        largest = float(data.pressure.max())
+        for surface in (2, 3):
+            at = found.isel(z=surface)
+            assert float(abs(at.stress_zz + data.pressure).max()) < 1e-5 * largest
+            assert float(abs(at.stress_xz).max()) < 1e-5 * largest
+
+
+@pytest.mark.parametrize("points", [64, [12, 12]])
+@pytest.mark.parametrize("law", ["elastic", "zener"])
+def test_bonds_of_two_coated_rollers_are_those_of_each_under_its_own_tractions(points, law):
+    """Rolling with a creepage: elastic bodies alone under (p, t) and (p, -t); others in equilibrium."""
+    film = {"thickness": 0.02, "poisson": 0.4, "material": {"model": law}}
+    lower = {"thickness": 0.1, "poisson": 0.45, "material": {"model": "elastic", "G": 1.0}}
+    one, two = body_of(film, lower, modulus=5.0), body_of(lower, modulus=2.0)
+    motion = {"velocity": 0.5, "creepage": 0.02, "depth": 0.01, "ramp_time": 0.5}
+    data = gfmdlayer.run(
+        {**one, "counterbody": two, "grid": {"points": points}, "time": {"end": 1.0, "step": 0.125},
+         "interface": {"law": "coulomb", "coefficient": 0.3}, "trajectory": motion,
+         "output": {"snapshots": [1.0], "inside": {"depths": [0.0, 0.01, 0.1, 0.2], "every": 4}}}
+    )  # fmt: skip
+    found = gfmdlayer.inside(data, [-0.2, -0.1, -0.01, 0.0, 0.01, 0.02, 0.2])
+    largest = float(data.pressure.max())
+    assert float(abs(data.shear_x).max()) > 0.1 * largest
+    for layer in (0, -1):  # tractions on z = const are those of both sides
+        at = found.isel(z=int(np.flatnonzero((found.z == 0) & (found.layer == layer))[0]))
+        np.testing.assert_allclose(at.stress_zz, -data.pressure, rtol=0, atol=1e-6 * largest)
+        np.testing.assert_allclose(at.stress_xz, -data.shear_x, rtol=0, atol=1e-6 * largest)
+    for z in (-0.1, 0.02):  # both sides of a bond carry the same
+        above, below = (found.isel(z=int(i)) for i in np.flatnonzero(found.z == z))
+        for field in ("stress_zz", "stress_xz"):
+            np.testing.assert_allclose(above[field], below[field], rtol=0, atol=1e-6 * largest)
+    if law == "zener":
+        return
+    for keys, sign in ((one, 1), (two, -1)):
+        own = data.isel(z=[]).assign(
+            {each: sign * data[each] for each in ("shear_x", "shear_y") if each in data}
+        )
+        alone = gfmdlayer.inside(own, [0.01, 0.2], body=gfmdlayer.Config(name="a", **keys).solid)
+        for field in ("displacement_x", "displacement_z", "stress_xx", "stress_zz", "stress_xz", "von_mises"):
+            odd = sign if field in ("displacement_z", "stress_xz") else 1
+            for z in (0.01, 0.2):
+                scale = 1e-12 * float(abs(alone[field]).max())
+                np.testing.assert_allclose(
+                    found[field].sel(z=sign * z), odd * alone[field].sel(z=z), rtol=0, atol=scale
+                )

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from gfmdlayer.interface.adhesion import Dugdale, Electrostatic, Exponential, LennardJones
+from gfmdlayer.interface.adhesion import Dugdale, Electrostatic, Exponential, LennardJones, ShortRange
 from gfmdlayer.interface.forms import interact
 from gfmdlayer.interface.interface import FrictionLaw, HardWall
 from gfmdlayer.interface.law import HARD_WALL, Driven, total
@@ -20,8 +20,9 @@ EXAMPLES = {
     "dugdale": Dugdale(work=WORK, stress=WORK / RANGE, smoothing=0.5),
     "lennard_jones": LennardJones(work=WORK, separation=RANGE),
     "electrostatic": Electrostatic(voltage=-2.0, insulation=RANGE, permittivity=0.5 * WORK * RANGE),
+    "short_range": ShortRange(work=WORK),
 }
-ADHESIVE = [name for name in EXAMPLES if name != "hard_wall"]
+ADHESIVE = [name for name in EXAMPLES if name not in ("hard_wall", "short_range")]  # across the gap
 SUM = total(law.interaction() for law in EXAMPLES.values())
 LAWS_AND_SUM = {name: law.interaction() for name, law in EXAMPLES.items()} | {"sum": SUM}
 

@@ -61,7 +61,8 @@ def test_the_bond_to_a_rigid_base_is_an_interface():
         ),
         ({"output.inside.times": [0.3]}, r"output.inside.times\[0\]: got 0.3; must be one of"),
         ({"output": {"inside": {"points": 3}}}, "output.inside: there is no snapshot with fields"),
-        ({"counterbody": {"halfspace": {"shear_modulus": 1.0}}}, "two deformable bodies; must be layers"),
+        ({"counterbody": {"layer": {"thickness": 0.01}, "halfspace": {"shear_modulus": np.inf}}},
+         "must be at most 0.01, the thickness of the counterbody"),
         ({"grid.boundary": "isolated", "grid.datum": 10.0}, "not available with boundary: isolated"),
         (
             {"layer": None, "halfspace": None, "body": {"kind": "anisotropic", "C11": 3, "C12": 1, "C44": 1}},

@@ -106,6 +106,56 @@ def test_of_one_material_the_stiffness_is_proportional_to_its_modulus():
     np.testing.assert_allclose(S[2] / S[0], 10.0, rtol=1e-9)  # Ginf/G0
 
 
+def test_an_isolated_contact_has_the_resistance_and_the_stiffness_of_its_disc():
+    """R = (rho_1 + rho_2)/(4 a) and S = 2 E* a, for any period; the edge is 0.13 spacings inside (`spots`).
+
+    Both have the response without images, which is known within 1e-3, and so their product has less error.
+    """
+    radius, depth, values = 1.0, 0.02, []
+    for n, period in ((32, 0.6), (64, 1.2)):
+        config = Config(name="a").with_values(
+            {
+                "grid": {"points": [n, n], "period": period, "boundary": "isolated"},
+                "layer": {"thickness": float("inf"), "material": {"model": "elastic", "G": 1.0}},
+                "punch": {"shape": "parabola", "radius": radius},
+                "trajectory": {"depth": depth, "ramp_time": 1.0},
+                "time": {"end": 1.0, "step": 1.0},
+                "output.conductance": {"body": {"resistivity": 3.0}, "punch": {"resistivity": 1.0}},
+                "output.stiffness": {"frequencies": [0.0]},
+            }
+        )
+        found = gfmdlayer.run(config).isel(time=-1)
+        a = (float(found.area) / np.pi) ** 0.5 - 0.13 * period / n
+        R, S = float(found.resistance), float(found.storage_stiffness[0])
+        assert pytest.approx(4.0 / (4 * a), rel=4e-3) == R  # the outline of a disc of 15 points is rough
+        assert pytest.approx(2 * 4.0 * a, rel=4e-3) == S
+        assert pytest.approx(4.0 * 4.0 / 2, rel=1e-3) == R * S
+        values.append((R, S))
+    np.testing.assert_allclose(values[0], values[1], rtol=2e-3)
+
+
+def test_beside_an_attraction_the_stiffness_at_rest_is_the_slope_of_the_force(tmp_path):
+    """A quotient of differences on both sides of a depth, while no point of the grid joins the contact."""
+    depth, step = 0.02, 1e-6
+    (tmp_path / "depth.txt").write_text(f"0 0\n1 {depth - step}\n2 {depth}\n3 {depth + step}\n")
+    config = Config(name="a").with_values(
+        {
+            "grid.points": [32, 32],
+            "layer": {"thickness": 0.1, "poisson": 0.3, "material": {"model": "elastic", "G": 1.0}},
+            "halfspace.shear_modulus": float("inf"),
+            "interface": {"law": "exponential", "work": 2e-3, "range": 0.05},
+            "trajectory": {"kind": "table", "file": str(tmp_path / "depth.txt")},
+            "time": {"end": 3.0, "step": 1.0},
+            "solver.tolerance": 1e-12,
+            "output.stiffness": {"frequencies": [0.0]},
+        }
+    )
+    found = gfmdlayer.run(config)
+    assert found.contact_area[1] == found.contact_area[3]
+    slope = 2 * float(found.mean_pressure[3] - found.mean_pressure[1]) / (2 * step)
+    assert float(found.storage_stiffness[2, 0]) == pytest.approx(slope, rel=1e-5)
+
+
 def test_columns_of_every_nth_row_are_nan_in_the_others_but_for_snapshots_and_the_end():
     data = run()
     rows = np.arange(data.sizes["time"])

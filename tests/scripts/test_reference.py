@@ -22,7 +22,18 @@ PAGES = runpy.run_path(str(ROOT / "docs/extensions/reference_pages.py"))
 EXAMPLES = PAGES["EXAMPLES"]
 # Pure numbers. A new key with a number belongs here, or its meaning ends with its dimension.
 PURE = {
-    *("alpha", "exponent", "gamma", "hurst", "poisson", "rms_slope", "slope", "smoothing", "taper"),
+    *(
+        "alpha",
+        "edge_exponent",
+        "exponent",
+        "gamma",
+        "hurst",
+        "poisson",
+        "rms_slope",
+        "slope",
+        "smoothing",
+        "taper",
+    ),
     *("C1", "steady", "tolerance", "Insulator.permittivity", "Range.from", "Range.to", "Spaced.from"),
     *(
         "Creepages.x",

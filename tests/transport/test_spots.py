@@ -8,7 +8,7 @@ from scipy.special import erfc
 
 import gfmdlayer
 from gfmdlayer.grid.grid import Grid
-from gfmdlayer.transport.spots import Spots, impedance, in_series, inverse
+from gfmdlayer.transport.spots import Spots, attracted, impedance, in_series, inverse
 
 MADELUNG, THIRD = 3.90026492, 9.0336217  # lattice sums of a square cell, of 1/r and 1/r^3
 INSIDE = 0.13  # spacings from the outline of a disc's points to its edge
@@ -173,3 +173,39 @@ def test_a_step_starts_from_the_density_before():
     smaller = disc(128, 0.19)
     assert problem.total(smaller) == pytest.approx(spots(128).total(smaller), rel=1e-7)
     assert problem.total(np.zeros((128, 128), dtype=bool)) == 0.0
+
+
+@pytest.mark.parametrize("mean", [0.0, 3.0])
+@pytest.mark.parametrize("loss", [0.0, 0.5])
+def test_without_curvature_an_attraction_leaves_the_stiffness_of_the_spots(mean, loss):
+    K = np.where(grid(32).wavenumbers == 0, mean, 2 * grid(32).wavenumbers) * (1 + 1j * loss if loss else 1)
+    touching = disc(32, 0.2)
+    expected = Spots(inverse(K), 32**-2.0, 1e-14).total(touching)
+    found = attracted(K, np.zeros((32, 32)), touching, 32**-2.0, 1e-14)
+    assert found == pytest.approx(expected, rel=1e-6)
+
+
+@pytest.mark.parametrize("mean", [0.0, 3.0])
+def test_a_curvature_changes_the_stiffness_as_a_dense_solution_has_it(mean):
+    n, c = 8, -0.5
+    K = np.where(grid(n).wavenumbers == 0, mean, 2 * grid(n).wavenumbers)
+    touching, unit = disc(n, 0.2).ravel(), np.eye(n * n).reshape(n * n, n, n)
+    dense = np.fft.irfftn(K * np.fft.rfftn(unit, axes=(1, 2)), (n, n), axes=(1, 2)).reshape(n * n, n * n)
+    # Unknown: 1 + v out of contact, and the constant where the mean is zero.
+    free = np.flatnonzero(~touching)
+    matrix, right = (
+        dense[np.ix_(free, free)] + c * np.eye(free.size),
+        c - dense[np.ix_(free, np.flatnonzero(touching))].sum(1),
+    )
+    if mean:
+        sunk = np.linalg.solve(matrix, right)
+        pressure = 0.0
+    else:
+        one = np.ones((free.size, 1))
+        bordered = np.block([[matrix, one], [one.T, np.zeros((1, 1))]])
+        *sunk, pressure = np.linalg.solve(bordered, np.append(right, -touching.sum()))
+    w = np.ones(n * n)
+    w[free] = sunk
+    expected = (dense @ w + pressure).sum() / n**2
+    found = attracted(K, np.full((n, n), c), touching.reshape(n, n), n**-2.0, 1e-14)
+    assert found == pytest.approx(expected, rel=1e-9)
