@@ -3,7 +3,9 @@
 import itertools
 import random
 from fractions import Fraction
+from pathlib import Path
 
+import h5py
 import pytest
 
 import gfmdlayer
@@ -11,6 +13,7 @@ from gfmdlayer.cli import main
 from gfmdlayer.config import digest
 from gfmdlayer.config.reader import from_python
 from gfmdlayer.config.sweeps import combinations
+from gfmdlayer.results.stored import document
 from gfmdlayer.validation import quantities
 from tests.config.reading import problems, read
 
@@ -312,6 +315,19 @@ def test_check_prints_what_was_written_and_what_is_taken(tmp_path, capsys):
         "output.snapshots = peak, end: 1, 2 s",
         "sweep.punch.radius = 1 cm, 2 cm: 10, 20 mm",
     ]
+
+
+def test_swept_quantities_are_numbers_along_which_results_lie(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path("a.yaml").write_text(
+        "name: a\nunits: {length: mm, stress: MPa, time: s}\ngrid: {points: 32, period: 20 mm}\n"
+        "punch: {radius: 5 cm}\ntrajectory: {depth: 20 um}\ntime: {step: 0.5 s, end: 1 s}\n"
+        "sweep: {layer.thickness: [100 um, 0.2 mm]}\n"
+    )
+    assert main(["run", "a.yaml"]) == 0
+    with h5py.File("results/a/sweep.h5") as sweep:
+        assert sweep["thickness"][:].tolist() == [0.1, 0.2]
+    assert document(Path("results/a/config.yaml"))["sweep"] == {"layer.thickness": [0.1, 0.2]}
 
 
 # --- times of the output ---
