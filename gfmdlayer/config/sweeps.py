@@ -357,11 +357,12 @@ def leaves(config: Section) -> list[str]:
 
 
 def sweepable(config: Section) -> list[str]:
-    """Return the dotted keys that may be swept: the leaves, and sections with several kinds.
+    """Return the dotted keys that may be swept: the leaves, and sections with several kinds or forms.
 
     The interface may be swept without one of its own: each case has one.
     """
-    kinds = [at for at, section in sections_in(config) if isinstance(section, (Law, Shape, Interface, Solid))]
+    forms = (Law, Shape, Interface, Solid, Spaced)
+    kinds = [at for at, section in sections_in(config) if isinstance(section, forms)]
     swept = (key for key in leaves(config) if key.partition(".")[0] not in UNSWEPT)
     return list(dict.fromkeys([*swept, *(dotted_key(at) for at in kinds), "interface"]))
 

@@ -6,6 +6,7 @@ from fractions import Fraction
 from pathlib import Path
 
 import h5py
+import numpy as np
 import pytest
 
 import gfmdlayer
@@ -277,6 +278,26 @@ def test_a_material_file_has_its_own_units(tmp_path):
     assert (material.G0, material.Ginf, material.tau) == pytest.approx((1.0, 5.0, 0.1 / 60), rel=1e-15)
 
 
+def test_a_material_fitted_in_one_unit_is_used_in_another(tmp_path, monkeypatch):
+    """G' and G'' of one Maxwell branch, given in kPa and rad/ms, in a configuration in MPa and minutes."""
+    monkeypatch.chdir(tmp_path)
+    rows = ["omega [rad/ms],G' [kPa],G'' [kPa]"]
+    for omega in np.logspace(-3.0, 3.0, 40):
+        cycles = 0.1 * omega  # tau = 0.1 ms
+        storage, loss = (4e3 * cycles**power / (1 + cycles**2) for power in (2, 1))
+        rows.append(f"{omega:.17g},{1e3 + storage:.17g},{loss:.17g}")
+    Path("dma.csv").write_text("\n".join(rows))
+    material = gfmdlayer.fit_material("dma.csv").material
+    units = {"length": "mm", "stress": "MPa", "time": "min"}
+    layer = gfmdlayer.Layer(thickness=1.0, material=material)
+    for given in ({"material": material}, layer):
+        law = gfmdlayer.Config(name="a", units=units, layer=given).layer.material
+        ((modulus, time),) = law.maxwell_branches
+        assert (law.relaxed, modulus, time) == pytest.approx((1.0, 4.0, 1e-4 / 60), rel=1e-6)
+    with pytest.raises(gfmdlayer.ConfigError, match="the configuration has no units"):
+        gfmdlayer.Config(name="a", layer=layer)
+
+
 def test_a_body_of_ones_own_takes_units_by_its_words(tmp_path):
     (tmp_path / "bed.py").write_text(
         "from gfmdlayer import Solid\nfrom gfmdlayer.validation.fields import Positive\n\n"
@@ -370,6 +391,15 @@ def test_times_follow_the_case_of_a_sweep():
     cases = [ends.with_values(values) for values in combinations(ends.sweep)]
     assert [case.output.row_times for case in cases] == [(0.0, end / 2, end) for end in (4, 4, 8, 8)]
     assert [case.output.snapshot_times for case in cases] == [(1.0,), (2.0,)] * 2
+
+
+def test_times_by_a_formula_may_be_swept():
+    spaced = {"from": 1, "to": "end", "points": 3}
+    sweep = {"output.times": [[1.0, 2.0], {**spaced, "points": 2}], "output.snapshots": ["end", ["peak"]]}
+    config = gfmdlayer.Config(**RUN, output={"times": spaced}, sweep=sweep)
+    cases = [config.with_values(values).output for values in combinations(config.sweep)]
+    assert [case.row_times for case in cases] == [(1.0, 2.0)] * 2 + [(1.0, 10.0)] * 2
+    assert [case.snapshot_times for case in cases] == [(10.0,), (1.0,)] * 2
 
 
 @pytest.mark.parametrize(
