@@ -215,7 +215,7 @@ class _Moment(MustBe):
     ) -> JsonSchemaValue:
         """Add the words."""
         node = super().__get_pydantic_json_schema__(schema, handler)
-        return {"anyOf": [node, {"enum": [*self.words]}]}
+        return {"$comment": node.pop("$comment"), "anyOf": [node, {"enum": [*self.words]}]}
 
 
 Moment = Annotated[
@@ -450,9 +450,9 @@ class Output(Section):
     """
 
     snapshots: Snapshots = ()
-    """times at which the surface is written, or {from, to, points}; every: after each step: time"""
+    """times of the surface, or {from, to, points}; every: each step: time"""
     times: Annotated[Rows | None, given] = None
-    """adaptive steps: times of the rows, a spacing, a list or {from, to, points}: time"""
+    """adaptive steps: times of rows, a spacing or {from, to, points}: time"""
     patches: Switch = False
     """count the connected patches of contact"""
     histograms: Histograms = Field(default_factory=Histograms)
