@@ -258,7 +258,7 @@ class Drives:
     @property
     def output_times(self) -> tuple[float, ...]:
         """Times of the rows on which adaptive steps land."""
-        times, end = self.config.output.times, self.config.time.end
+        times, end = self.config.output.row_times, self.config.time.end
         return _multiples(times, end) if isinstance(times, float) else times or ()
 
     @cached_property

@@ -251,7 +251,13 @@ output: {snapshots: [1.0, 8.0], inside: {depths: [0, 0.02, 0.05, 0.2], times: [8
 ---
 output: {inside: {points: 20, every: 10}}""",
     "Histograms": "output: {histograms: {pressure: {max: 10.0}, gap: {max: 0.1}}}",
-    "Histogram": "output: {histograms: {gap: {scale: log, min: 1.0e-5, max: 0.1, bins: 50}}}",
+    "PressureHistogram": "output: {histograms: {pressure: {scale: log, min: 1.0e-3, max: 10.0, bins: 50}}}",
+    "GapHistogram": "output: {histograms: {gap: {scale: log, min: 1.0e-5, max: 0.1, bins: 50}}}",
+    "MomentsBetween": """\
+time: {step: adaptive}
+output:
+  snapshots: {from: start, to: peak, points: 5}
+  times: {from: 0.01, to: end, points: 50, spacing: log}""",
     "Sweep": """\
 sweep: {layer.thickness: [0.02, 0.1, .inf], halfspace.shear_modulus: [1, 10]}""",
     "Zip": """\

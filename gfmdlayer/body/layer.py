@@ -19,6 +19,7 @@ from gfmdlayer.body.materials import Law, Material, Zener, contradicting, shear_
 from gfmdlayer.validation import text
 from gfmdlayer.validation.fields import Extended, File, MustBe, given, strict
 from gfmdlayer.validation.problems import ConfigError, InconsistentError, Mistake
+from gfmdlayer.validation.quantities import measured
 from gfmdlayer.validation.sections import (
     OneOf,
     Section,
@@ -29,7 +30,7 @@ from gfmdlayer.validation.sections import (
     replaced,
     sections_in,
 )
-from gfmdlayer.validation.units import Units
+from gfmdlayer.validation.units import OwnUnits, Units
 
 
 class MaterialFile(Section):
@@ -81,7 +82,8 @@ def read_material(path: Path) -> Law:
     if not isinstance(held.get("material"), dict):
         _refuse([f"{path}:1:1: has no material; must be YAML with a section layer: {{material: ...}}"])
     try:
-        found = _MaterialHolder.model_validate({"material": held["material"], "units": units})
+        with measured(OwnUnits({"units": units})):
+            found = _MaterialHolder.model_validate({"material": held["material"], "units": units})
         law = found.material
         problems = [problem.within(("material",)) for problem in contradictions(law)]
     except ValidationError as error:

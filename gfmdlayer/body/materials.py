@@ -26,6 +26,7 @@ from pydantic import ConfigDict, Field
 from gfmdlayer.body.shifts import SHIFTS, Celsius, Shift
 from gfmdlayer.validation.fields import File, NotNegative, Optional, Positive, Word, given
 from gfmdlayer.validation.problems import ConfigError, Location, Mistake, dotted
+from gfmdlayer.validation.quantities import Written
 from gfmdlayer.validation.reading import Reading, unread
 from gfmdlayer.validation.sections import Kind, OneOf, Section, alone, plain, sections_in
 
@@ -145,11 +146,22 @@ class Law(Kind):
 
     def scaled(self, modulus: float, time: float = 1.0) -> Self:
         """Return the law with moduli and times multiplied by factors."""
-        factors = dict.fromkeys(_MODULI, modulus) | {"tau": time}
-        values = {key: vars(self)[key] for key in factors if vars(self).get(key) is not None}
-        update: dict[str, Any] = {key: value * factors[key] for key, value in values.items()}
+        return self._with(lambda value: value * modulus, lambda value: value * time)
+
+    def written_in(self, stress: str, time: str) -> Self:
+        """Return the law whose moduli and times keep their units: configurations in others convert them."""
+        return self._with(
+            lambda value: Written(value, f"{value!r} {stress}"),
+            lambda value: Written(value, f"{value!r} {time}"),
+        )
+
+    def _with(self, modulus: Callable[[float], float], time: Callable[[float], float]) -> Self:
+        """Return the law with functions of its moduli and times."""
+        changes = dict.fromkeys(_MODULI, modulus) | {"tau": time}
+        values = {key: vars(self)[key] for key in changes if vars(self).get(key) is not None}
+        update: dict[str, Any] = {key: changes[key](value) for key, value in values.items()}
         if branches := getattr(self, "branches", ()):
-            update["branches"] = tuple(Branch(G=G * modulus, tau=tau * time) for G, tau in branches)
+            update["branches"] = tuple(Branch(G=modulus(G), tau=time(tau)) for G, tau in branches)
         return self.model_copy(update=update)
 
     @property

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import AbstractContextManager
 from functools import partial
 from pathlib import Path
@@ -31,8 +31,10 @@ from gfmdlayer.cli.terminal import (
 from gfmdlayer.study import CHECKPOINT_EVERY
 
 if TYPE_CHECKING:
+    from gfmdlayer.config import Config
     from gfmdlayer.study.cases import Cases, Shard, SweepCase
     from gfmdlayer.study.workers import WorkerPool
+    from gfmdlayer.validation.quantities import Written
 
 
 def _options_of_cases(parser: argparse.ArgumentParser) -> None:
@@ -251,6 +253,7 @@ def check(options: argparse.Namespace) -> int:
     if config.sweep:
         first = some if part == 1 else map(every.__getitem__, range(LISTED))
         lines += cut_short((f"  {case.index:04d}  {label(case.values)}" for case in first), len(every))
+    lines += (f"taken      {line}" for line in _taken(config))
     if part < 1:
         checks = "as a run does; it checks each before its start"
         lines.append(f"examined   {len(some)} cases at random, {checks}")
@@ -269,6 +272,24 @@ def check(options: argparse.Namespace) -> int:
     lines += [f"warning: {text}" for text in (*notes(case.config for case in some), *memory, *space)]
     print("\n".join(lines))
     return COMPLETE
+
+
+def _taken(config: Config) -> Iterator[str]:
+    """Yield the numbers for which texts are taken, those with units and the words for times, by keys."""
+    from gfmdlayer.config.sweeps import unswept
+    from gfmdlayer.validation.problems import dotted_key, without_last_places
+    from gfmdlayer.validation.sections import described, texts_in
+
+    found: dict[str, list[Written]] = {}
+    for at, value in texts_in(config):
+        found.setdefault(dotted_key(without_last_places(at)), []).append(value)
+    for key, values in found.items():
+        swept = unswept(key)
+        words = described(type(config), swept)[1] or described(type(config), swept.rpartition(".")[0])[1]
+        texts, numbers = [each.text for each in values], [f"{each:.9g}" for each in values]
+        more = [f"... ({len(values)})"] if len(values) > LISTED else []
+        left, right = (", ".join([*parts[:LISTED], *more]) for parts in (texts, numbers))
+        yield f"{key} = {left}: {right} {config.unit(words)}"
 
 
 def _in_folder(

@@ -19,11 +19,13 @@ from pydantic_core import core_schema
 
 from gfmdlayer.config import sweeps
 from gfmdlayer.config.model import Config
-from gfmdlayer.validation.fields import meanings, sequence, two
+from gfmdlayer.config.sections import listed
+from gfmdlayer.validation.fields import dimension, meanings, sequence, two
 from gfmdlayer.validation.sections import Section
 
 _DIALECT = "https://json-schema.org/draft/2020-12/schema"
 _PLACE, _OWN = "@", "%"  # in dotted keys: the place in a list, and keys of a user's own body
+_WITH_UNIT = {"type": "string", "pattern": r"^\s*[-+]?\.?\d.*[^\d\s.eE+-]"}
 _IN_CELL = {"minItems": 1, "maxItems": 2}  # one for each direction
 
 
@@ -47,6 +49,8 @@ class _Generator(GenerateJsonSchema):
         result = super().model_schema(schema)
         section: type[Section] = schema["cls"]
         for key, words in meanings(section).items():
+            if dimension(words)[1] or issubclass(section, sweeps.Ends):
+                result["properties"][key] = _or_with_unit(result["properties"][key])
             result["properties"][key]["description"] = words
         return result
 
@@ -74,6 +78,8 @@ class _Generator(GenerateJsonSchema):
         result = super().function_before_schema(schema)
         if schema["function"]["function"] is sequence:
             return {"anyOf": [result["items"], result | _IN_CELL]}
+        if schema["function"]["function"] is listed:
+            return {"anyOf": [result, {"enum": result["items"]["anyOf"][-1]["enum"]}]}
         return result
 
     def function_after_schema(self, schema: core_schema.AfterValidatorFunctionSchema) -> JsonSchemaValue:
@@ -84,6 +90,21 @@ class _Generator(GenerateJsonSchema):
 
     def tagged_union_schema(self, schema: core_schema.TaggedUnionSchema) -> JsonSchemaValue:
         return {"oneOf": [self.generate_inner(member) for member in schema["choices"].values()]}
+
+
+def _or_with_unit(node: Any) -> Any:
+    """Return a schema in which numbers may be texts with a unit."""
+    if isinstance(node, list):
+        return [_or_with_unit(member) for member in node]
+    if not isinstance(node, dict) or any(
+        kind.get("type") == "string" and "const" not in kind for kind in node.get("oneOf", ())
+    ):
+        return node  # or the names of files, which may be any text
+    if node.get("type") == "number":
+        about = {key: node[key] for key in ("$comment", "default") if key in node}
+        return about | {"anyOf": [{key: node[key] for key in node.keys() - about}, _WITH_UNIT]}
+    inner = ("anyOf", "oneOf", "items", "prefixItems")
+    return {key: _or_with_unit(value) if key in inner else value for key, value in node.items()}
 
 
 def _require_words(node: Any, sections: Mapping[str, Any]) -> None:

@@ -17,7 +17,14 @@ from functools import cache
 from pathlib import Path
 from typing import Annotated, Any, Self
 
-from pydantic import Field, ValidationError, ValidationInfo, field_validator, model_validator
+from pydantic import (
+    Field,
+    ModelWrapValidatorHandler,
+    ValidationError,
+    ValidationInfo,
+    field_validator,
+    model_validator,
+)
 
 from gfmdlayer.body.bodies import BODY
 from gfmdlayer.body.continuous import ContinuousLaw
@@ -29,6 +36,7 @@ from gfmdlayer.body.solid import OneModulus, Solid
 from gfmdlayer.config import sections, sweeps
 from gfmdlayer.config.bodies import Counterbody, layered, problems_of_the_body, problems_of_the_counterbody
 from gfmdlayer.config.geometries import GEOMETRIES, Geometry
+from gfmdlayer.config.measures import ConfigMeasures, in_words
 from gfmdlayer.config.sections import Output, problems_of_the_inside
 from gfmdlayer.config.trajectory import (
     Trajectory,
@@ -56,14 +64,17 @@ from gfmdlayer.validation.problems import (
     set_aside,
     without_last_places,
 )
+from gfmdlayer.validation.quantities import measured
 from gfmdlayer.validation.sections import (
     OneOf,
     OneOrMore,
     Section,
     contradictions,
+    described,
     explained,
     plain,
     sections_in,
+    texts_in,
 )
 from gfmdlayer.validation.units import Units
 
@@ -212,11 +223,33 @@ class Config(Section):
     def _to_the_end_of_the_trajectory(cls, time: sections.Time, info: ValidationInfo) -> sections.Time:
         return ending_with(info.data.get("trajectory"), time)
 
+    @field_validator("sweep", mode="before")
+    @classmethod
+    def _sweep_in_units(cls, sweep: Any, info: ValidationInfo) -> Any:
+        """Convert swept numbers with units: they are coordinates of the results."""
+
+        def dimension(key: str) -> str:
+            head, _, own = key.partition(".")
+            body = info.data.get(head)
+            known = described(cls, key)[1]  # but of a body of the user
+            return known if known or not isinstance(body, Solid) else described(type(body), own)[1]
+
+        return sweeps.with_numbers(sweep, cache(dimension)) if isinstance(sweep, Mapping) else sweep
+
     @field_validator("layers", "layer", "halfspace", "counterbody")
     @classmethod
     def _in_own_units(cls, value: Any, info: ValidationInfo) -> Any:
         """Convert the materials of files into the units of the configuration."""
         return in_units(value, info.data["units"]) if "units" in info.data else value
+
+    @model_validator(mode="wrap")
+    @classmethod
+    def _measured(cls, data: Any, handler: ModelWrapValidatorHandler[Self]) -> Self:
+        """Let texts mean what they do in this configuration."""
+        if not isinstance(data, Mapping):
+            return handler(data)
+        with measured(ConfigMeasures(data)):
+            return handler(data)
 
     @model_validator(mode="after")
     def _sound(self) -> Self:
@@ -419,7 +452,8 @@ class Config(Section):
     def _case_data(self, values: Mapping[str, object]) -> dict[str, Any]:
         """Return the given keys of a case; sections without a changed key are not validated again."""
         data = {key: getattr(self, key) for key in self.model_fields_set - {"sweep"}}
-        for head in {key.partition(".")[0] for key in values} & data.keys():
+        changed = {key.partition(".")[0] for key in values}
+        for head in (changed | _resting(self, changed)) & data.keys():
             data[head] = plain(data[head])
         return sweeps.assigned(data, values)
 
@@ -440,7 +474,13 @@ class Config(Section):
         Contradictions between sections are looked for only where all values are allowed: without the refused
         values the data are validated once more.
         """
-        refused = explain(error)
+        found = explain(error)
+        wrong = [f"{problem.key}." for problem in found]
+        refused = [
+            problem  # not those that rest on another one
+            for problem in found
+            if not any(key.startswith(f"{other}.") for key in wrong for other in problem.others)
+        ]
         rest = copy.deepcopy(data)
         aside = [set_aside(rest, _without_meaning(p)) for p in refused]
         hidden = (p for p in problems({"name": "unnamed"} | rest) if not sweeps.rests_on(p, aside))
@@ -473,6 +513,22 @@ class Config(Section):
         return text.written(data)
 
 
+def _resting(config: Config, changed: set[str]) -> set[str]:
+    """Return the sections whose texts mean something else where other sections have changed."""
+    return {
+        head
+        for head, others in _RESTS_ON.items()
+        if not others.isdisjoint(changed) and _has_texts(getattr(config, head))
+    }
+
+
+@kept_with  # most sections belong to all cases of a sweep
+def _has_texts(section: Section) -> bool:
+    return any(texts_in(section))
+
+
+# A force is per length on a line; peak and end are those of the run.
+_RESTS_ON = {"trajectory": {"grid"}, "output": {"trajectory", "time"}}
 _CASES = 2_000  # of a sweep that are kept between the check of the sweep and their run
 
 
@@ -525,14 +581,8 @@ def _solid(config: Config) -> Solid:
 
 
 def unit_label(words: str, units: Units | None, control: str, *, is_line: bool) -> str:
-    """Return the label of a unit from its dimension in words; the force on a line is per length.
-
-    A "drive" is what the trajectory prescribes, of which `control` is the name: a length, pressure or force.
-    """
-    drive = {"depth": "length", "gap": "length", "load": "pressure"}.get(control, "force")
-    words = words.replace("drive", drive)
-    if is_line and words == "force":
-        words = "force / length"
+    """Return the label of a unit from its dimension in words, see `in_words`."""
+    words = in_words(words, control, is_line=is_line)
     return words if units is None else units.label(words)
 
 
@@ -562,6 +612,9 @@ def _hash(config: Config, left_out: dict[str, Any]) -> str:
         left_out = left_out | {"body": True}
     data = config.model_dump(exclude=left_out, exclude_none=True)
     data["solver"]["method"] = config.contact_solver.method
+    for key, times in (("snapshots", config.output.snapshot_times), ("times", config.output.row_times)):
+        if isinstance(data["output"].get(key), dict):  # a range counts as the list of its times
+            data["output"][key] = times
 
     def contents(value: object) -> str:
         if isinstance(value, Path):

@@ -23,6 +23,7 @@ from gfmdlayer.validation.problems import (
     location_of_key,
     not_in_list,
 )
+from gfmdlayer.validation.quantities import is_quantity
 from gfmdlayer.validation.sections import keys_of_files, plain
 from gfmdlayer.validation.text import Document, Place
 
@@ -219,7 +220,7 @@ def _with_absolute_paths(data: Any, folder: Path, key: str = "") -> Any:
         }
     if isinstance(data, list):
         return [_with_absolute_paths(value, folder, key) for value in data]
-    if not isinstance(data, str) or not data:
+    if not isinstance(data, str) or not data or is_quantity(data):
         return data
     meant = ".".join(part for part in unswept(key).split(".") if not part.isdigit())  # in any place of a list
     return str(folder / data) if meant in _FILES else data

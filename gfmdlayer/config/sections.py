@@ -8,7 +8,7 @@ but the same everywhere. Symbols and defaults follow Petrenko et al., Mater. Phy
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import (
@@ -16,17 +16,22 @@ from pydantic import (
     Discriminator,
     Field,
     FieldSerializationInfo,
+    GetJsonSchemaHandler,
     Tag,
     ValidationInfo,
     field_serializer,
     field_validator,
 )
+from pydantic.json_schema import JsonSchemaValue
+from pydantic_core import CoreSchema
 
 from gfmdlayer.body.layers import Layers, thicknesses
 from gfmdlayer.body.pair import downwards, stacks
 from gfmdlayer.body.solid import LayerDepth, between_faces, beyond, places
 from gfmdlayer.config.geometries import GEOMETRIES
+from gfmdlayer.config.sweeps import Spaced
 from gfmdlayer.contact.solvers import AUTO, SOLVERS
+from gfmdlayer.made_once import kept_with
 from gfmdlayer.punch.shape import Cell
 from gfmdlayer.validation.fields import (
     MANY,
@@ -39,11 +44,11 @@ from gfmdlayer.validation.fields import (
     Switch,
     Word,
     given,
-    number_or_list,
     sequence,
     strict,
 )
 from gfmdlayer.validation.problems import Mistake, Reason, not_increasing, shown
+from gfmdlayer.validation.quantities import in_the_run
 from gfmdlayer.validation.sections import Section
 
 if TYPE_CHECKING:
@@ -199,15 +204,75 @@ def whole_steps(time: float, step: float) -> bool:
 
 # The section of the configuration that lists the output of a run.
 
-Spacing = Annotated[float, strict, Field(gt=0), MustBe("a number > 0, finite, or a list of times")]
-Rows = Annotated[
-    Annotated[Spacing, Tag("number")] | Annotated[tuple[NotNegative, ...], Tag("list")], number_or_list
+_words = "start", "peak", "end"
+
+
+class _Moment(MustBe):
+    """Annotation of a time that may be a word, which the configuration around it knows."""
+
+    def number(self, text: str) -> float | None:
+        """Return the time of a word, or of a number with a unit."""
+        return in_the_run(text) if text in self.words else super().number(text)
+
+    def __get_pydantic_json_schema__(
+        self, schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> JsonSchemaValue:
+        """Add the words."""
+        node = super().__get_pydantic_json_schema__(schema, handler)
+        return {"$comment": node.pop("$comment"), "anyOf": [node, {"enum": [*self.words]}]}
+
+
+Moment = Annotated[
+    float, strict, Field(ge=0), _Moment(f"a number >= 0, finite, or one of {', '.join(_words)}", _words)
 ]
+
+
+class MomentsBetween(Spaced):
+    """Times by a formula, both ends included, equally spaced or equally in the logarithm."""
+
+    from_: Moment = Field(alias="from")
+    """first time, or start, peak, end: time"""
+    to: Moment
+    """last time, or start, peak, end: time"""
+
+    @property
+    def moments(self) -> tuple[float, ...]:
+        """The times; both ends are exact."""
+        return _moments(self)
+
+
+@kept_with
+def _moments(given: MomentsBetween) -> tuple[float, ...]:
+    return (float(given.from_), *map(float, given.values()[1:-1]), float(given.to))
+
+
+def listed(value: object) -> object:
+    """Take a word alone for a list of one."""
+    return (value,) if isinstance(value, str) and value in _words else value
+
+
+def _form(value: object) -> str:
+    if isinstance(listed(value), (list, tuple)):
+        return "<list>"
+    return "<range>" if isinstance(value, (Mapping, MomentsBetween)) else "<one>"
+
+
+Spacing = Annotated[
+    float,
+    strict,
+    Field(gt=0),
+    MustBe(f"a number > 0, a list of times, one of {', '.join(_words)}, or {{from, to, points, spacing}}"),
+]
+_List = Annotated[tuple[Moment, ...], BeforeValidator(listed), Tag("<list>")]
+_Range = Annotated[MomentsBetween, Tag("<range>")]
+Rows = Annotated[Annotated[Spacing, Tag("<one>")] | _List | _Range, Discriminator(_form)]
 Bins = Annotated[int, Field(strict=True, ge=1, le=1000), MustBe("a whole number from 1 to 1000")]
+_every = MustBe(
+    f"a list of times, one of {', '.join(_words)}, {{from, to, points, spacing}}, or the word every",
+    ("every", *_words),
+)
 Snapshots = Annotated[
-    Annotated[tuple[NotNegative, ...], Tag("list")]
-    | Annotated[Literal["every"], MustBe("a list of times, or the word every", ("every",)), Tag("word")],
-    Discriminator(lambda value: "list" if isinstance(value, (list, tuple)) else "word"),
+    _List | _Range | Annotated[Literal["every"], _every, Tag("<one>")], Discriminator(_form)
 ]
 Frequencies = Annotated[
     tuple[Extended, ...],
@@ -225,13 +290,13 @@ class Histogram(Section):
     """
 
     max: Positive
-    """end of the last bin: pressure or length"""
+    """end of the last bin"""
     bins: Bins = 50
     """number of bins"""
     scale: Annotated[str, Word("linear", "log")] = "linear"
     """linear: bins start at 0; log: at min"""
     min: Optional = None
-    """scale: log: start of the first bin: pressure or length"""
+    """scale: log: start of the first bin"""
 
     def problems(self) -> Iterator[Mistake]:
         """Reject a start that does not fit the scale or the end."""
@@ -246,12 +311,30 @@ class Histogram(Section):
             yield Mistake(("min",), wrong, ("scale", "max"))
 
 
+class PressureHistogram(Histogram):
+    """Bins of the contact pressure."""
+
+    max: Positive
+    """end of the last bin: pressure"""
+    min: Optional = None
+    """scale: log: start of the first bin: pressure"""
+
+
+class GapHistogram(Histogram):
+    """Bins of the gap."""
+
+    max: Positive
+    """end of the last bin: length"""
+    min: Optional = None
+    """scale: log: start of the first bin: length"""
+
+
 class Histograms(Section):
     """Distributions over the surface, written with each row."""
 
-    pressure: Annotated[Histogram | None, given] = None
+    pressure: Annotated[PressureHistogram | None, given] = None
     """distribution of the contact pressure: {max: ..., bins: ...}"""
-    gap: Annotated[Histogram | None, given] = None
+    gap: Annotated[GapHistogram | None, given] = None
     """distribution of the gap: {max: ..., bins: ..., scale: ..., min: ...}"""
 
 
@@ -336,7 +419,7 @@ class Inside(Section):
     """depths below the surface, increasing; an interface has both sides: length"""
     points: Annotated[PerLayer | None, given] = None
     """in place of depths: depths in each layer, from face to face"""
-    times: Annotated[tuple[NotNegative, ...] | None, given] = None
+    times: Annotated[tuple[Moment, ...] | None, given] = None
     """the snapshots with fields below the surface; default: all: time"""
     every: Annotated[Count | None, given] = None
     """columns of the largest stresses, in every n-th row; default: none"""
@@ -368,12 +451,15 @@ class Inside(Section):
 
 
 class Output(Section):
-    """Output besides the curves: snapshots of the surface, times of the rows, patches, distributions."""
+    """Output besides the curves: snapshots of the surface, times of the rows, patches, distributions.
+
+    Times may be the words `start`, `peak` (the first of the trajectory) and `end` of the run.
+    """
 
     snapshots: Snapshots = ()
-    """times at which the surface is written; every: after each step: time"""
+    """times of the surface, or {from, to, points}; every: each step: time"""
     times: Annotated[Rows | None, given] = None
-    """adaptive steps: times of the rows, a spacing or a list: time"""
+    """adaptive steps: times of rows, a spacing or {from, to, points}: time"""
     patches: Switch = False
     """count the connected patches of contact"""
     histograms: Histograms = Field(default_factory=Histograms)
@@ -394,7 +480,19 @@ class Output(Section):
     @property
     def snapshot_times(self) -> tuple[float, ...]:
         """The times of the snapshots that a run must land on."""
-        return () if self.snapshots == "every" else self.snapshots
+        return () if self.snapshots == "every" else self._moments["snapshots"]
+
+    @property
+    def row_times(self) -> float | tuple[float, ...] | None:
+        """The spacing or the times of the rows that a run must land on, where they are given."""
+        return self.times if isinstance(self.times, float | None) else self._moments["times"]
+
+    @property
+    def _moments(self) -> dict[str, tuple[float, ...]]:
+        """The lists of times by their keys."""
+        every = {"snapshots": self.snapshots, "times": self.times}
+        spaced = {key: each.moments for key, each in every.items() if isinstance(each, MomentsBetween)}
+        return spaced | {key: each for key, each in every.items() if isinstance(each, tuple)}
 
     def problems(self) -> Iterator[Mistake]:
         """Refuse times or frequencies that do not increase, and observables named twice."""
@@ -403,16 +501,17 @@ class Output(Section):
                 yield Mistake(("observables", i), f"got {name!r} twice; name it once", ("observables",))
         frequencies = () if self.stiffness is None else self.stiffness.frequencies
         yield from not_increasing(("stiffness", "frequencies"), frequencies, "frequencies", "stiffness")
-        for key, times in (("snapshots", self.snapshots), ("times", self.times)):
-            yield from not_increasing((key,), times if isinstance(times, tuple) else (), "times", key)
+        for key, times in self._moments.items():
+            yield from not_increasing((key,), times, "times", key)
 
     def problems_until(self, end: float) -> Iterator[Mistake]:
         """Refuse times past the end of the run, and too many rows."""
-        for key, times in (("snapshots", self.snapshots), ("times", self.times)):
-            for i, time in enumerate(times if isinstance(times, tuple) else ()):
-                if time > end:
-                    message = f"got {time!r}, past the end; must be a number <= time.end = {end!r}"
-                    yield Mistake((key, i), message)
+        for key, times in self._moments.items():
+            spaced = isinstance(getattr(self, key), MomentsBetween)
+            for i, time in enumerate(times):
+                if time > end and (not spaced or i == len(times) - 1):
+                    message = f"got {shown(time)}, past the end; must be a number <= time.end = {end!r}"
+                    yield Mistake((key, "to" if spaced else i), message)
         if isinstance(self.times, float) and not 0 < self.times <= end:
             message = f"got a spacing of {self.times!r}; must be a number > 0 and <= time.end = {end!r}"
             yield Mistake(("times",), message)

@@ -28,19 +28,23 @@ from pydantic import (
     Discriminator,
     Field,
     GetCoreSchemaHandler,
+    SerializerFunctionWrapHandler,
     Tag,
     ValidationInfo,
     field_validator,
+    model_serializer,
 )
-from pydantic_core import CoreSchema, core_schema
+from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
 from gfmdlayer.body.materials import Law
 from gfmdlayer.body.solid import Solid
 from gfmdlayer.interface.interface import Interface
 from gfmdlayer.punch.shape import Shape
+from gfmdlayer.validation import quantities
 from gfmdlayer.validation.fields import MANY, Count, Finite, MustBe, Seed, Word, given
 from gfmdlayer.validation.problems import (
     ConfigError,
+    InconsistentError,
     Location,
     Mistake,
     dotted_key,
@@ -50,6 +54,7 @@ from gfmdlayer.validation.problems import (
     shown,
     unknown_key,
 )
+from gfmdlayer.validation.quantities import Written
 from gfmdlayer.validation.sections import Section, sections_in
 
 SAMPLED = ("latin_hypercube", "sobol")
@@ -87,6 +92,11 @@ class Ends(Section):
         if "from_" in info.data and to <= info.data["from_"]:
             raise ValueError(f"got {shown(to)}; must be a number > from = {shown(info.data['from_'])}")
         return to
+
+    @model_serializer(mode="wrap")
+    def _written(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """Dump the keys as users write them."""
+        return {{"from_": "from"}.get(key, key): value for key, value in handler(self).items()}
 
     def between(self, part: float, scale: str) -> float:
         """Return the value at a part of the way, in [0, 1], on a linear or a log scale."""
@@ -189,6 +199,43 @@ class PlainSweep:
 def _plain(sweep: Sweep) -> dict[str, Any]:
     dumped = sweep.model_dump(by_alias=True)
     return {key: value for key, value in dumped.items() if value is not None or key not in LISTS}
+
+
+def with_numbers(sweep: Mapping[str, Any], dimension: Callable[[str], str]) -> dict[str, Any]:
+    """Return a sweep in which texts with units are numbers, by the dimension of each key in words.
+
+    A refused text stays, and the cases refuse it; InconsistentError for the ends of ranges.
+    """
+    mistakes: list[Mistake] = []
+
+    def number(value: object, key: str, at: Location = ()) -> object:
+        if isinstance(value, list | tuple):
+            return [number(each, key) for each in value]
+        text = value.text if isinstance(value, Written) else value
+        if not isinstance(text, str):
+            return value
+        try:
+            found = quantities.number(text, words, "a number") if (words := dimension(key)) else None
+        except PydanticCustomError as error:
+            mistakes.extend([Mistake(at, str(error), ("units",))] if at else [])
+            return text
+        return text if found is None else Written(found, text)
+
+    def entry(values: object, *at: str) -> object:
+        if isinstance(values, Mapping):
+            ends = {end: number(values[end], at[-1], (*at, end)) for end in ("from", "to") if end in values}
+            return {**values, **ends}
+        return number(values, at[-1])
+
+    found = {
+        name: {key: entry(values, name, key) for key, values in held.items()}
+        if name in LISTS and isinstance(held, Mapping)
+        else entry(held, name)
+        for name, held in sweep.items()
+    }
+    if mistakes:
+        raise InconsistentError(mistakes)
+    return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -304,17 +351,18 @@ def leaves(config: Section) -> list[str]:
         dotted_key((*at, key))
         for at, section in sections_in(config)
         if at
-        for key, value in vars(section).items()
+        for key, value in section.values_written().items()
         if not isinstance(value, Section)
     ]
 
 
 def sweepable(config: Section) -> list[str]:
-    """Return the dotted keys that may be swept: the leaves, and sections with several kinds.
+    """Return the dotted keys that may be swept: the leaves, and sections with several kinds or forms.
 
     The interface may be swept without one of its own: each case has one.
     """
-    kinds = [at for at, section in sections_in(config) if isinstance(section, (Law, Shape, Interface, Solid))]
+    forms = (Law, Shape, Interface, Solid, Spaced)
+    kinds = [at for at, section in sections_in(config) if isinstance(section, forms)]
     swept = (key for key in leaves(config) if key.partition(".")[0] not in UNSWEPT)
     return list(dict.fromkeys([*swept, *(dotted_key(at) for at in kinds), "interface"]))
 

@@ -232,6 +232,13 @@ class Trajectory(Section):
         is_sound = self.kind == "approach_retract" and next(self.problems(), None) is None
         return self.corners[-1][0] if is_sound else None
 
+    @property
+    def peak_time(self) -> float | None:
+        """Time at which the path first reaches its peak; None for a table, and where keys are missing."""
+        if self.kind == "table" or next(self.problems(), None) is not None:
+            return None
+        return self.corners[1][0]
+
     def problems(self) -> Iterator[Mistake]:
         """Reject keys that have no meaning for this control and kind, and missing ones."""
         yield from unread(self, "file")
@@ -380,7 +387,8 @@ def _problems_of_the_drive(config: Any) -> Iterator[Mistake]:
         early = any(time < config.time.end for time in config.output.snapshot_times)
         for key, is_given in (("times", config.output.times is not None), ("snapshots", early)):
             if is_given:
-                message = f"got {getattr(config.output, key)!r}; the only row is the steady state at time.end"
+                found = shown(getattr(config.output, key))
+                message = f"got {found}; the only row is the steady state at time.end"
                 yield Mistake(("output", key), f"{message}; remove it", ("time.steady",))
     if drive is None:
         return

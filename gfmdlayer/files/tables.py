@@ -679,7 +679,7 @@ class TextTable:
         )
 
 
-_DIMENSIONLESS = (0, 0, 0, 0, 0, 0)
+_DIMENSIONLESS = (0, 0, 0, 0, 0, 0, 0)
 
 
 def converted(values: FloatArray, unit: Unit, into: str, where: str, symbol: str) -> FloatArray:

@@ -14,8 +14,8 @@ from fractions import Fraction
 from functools import cache
 from typing import NamedTuple
 
-# Powers of mass, length, time, temperature, electric current and angle.
-Dimension = tuple[int, int, int, int, int, int]
+# Powers of mass, length, time, temperature, electric current, angle and amount of substance.
+Dimension = tuple[int, int, int, int, int, int, int]
 
 
 class Unit(NamedTuple):
@@ -41,21 +41,24 @@ _PREFIX_WORDS = {
     "giga": 9,
 }
 
-_NONE: Dimension = (0, 0, 0, 0, 0, 0)
-_LENGTH: Dimension = (0, 1, 0, 0, 0, 0)
-_TIME: Dimension = (0, 0, 1, 0, 0, 0)
-_FORCE: Dimension = (1, 1, -2, 0, 0, 0)
-_STRESS: Dimension = (1, -1, -2, 0, 0, 0)
-_KELVIN: Dimension = (0, 0, 0, 1, 0, 0)
-_ANGLE: Dimension = (0, 0, 0, 0, 0, 1)
+_NONE: Dimension = (0, 0, 0, 0, 0, 0, 0)
+_LENGTH: Dimension = (0, 1, 0, 0, 0, 0, 0)
+_TIME: Dimension = (0, 0, 1, 0, 0, 0, 0)
+_FORCE: Dimension = (1, 1, -2, 0, 0, 0, 0)
+_STRESS: Dimension = (1, -1, -2, 0, 0, 0, 0)
+_KELVIN: Dimension = (0, 0, 0, 1, 0, 0, 0)
+_ANGLE: Dimension = (0, 0, 0, 0, 0, 1, 0)
+_OHM: Dimension = (1, 2, -3, 0, -2, 0, 0)
 # Units that take prefixes. Viscosities and moments are often written without a space: mPas, mNm.
 _METRIC: dict[str, tuple[str, Dimension]] = {
-    "m": ("1", _LENGTH), "s": ("1", _TIME), "g": ("1e-3", (1, 0, 0, 0, 0, 0)), "N": ("1", _FORCE),
-    "Pa": ("1", _STRESS), "bar": ("1e5", _STRESS), "Hz": ("1", (0, 0, -1, 0, 0, 0)), "K": ("1", _KELVIN),
-    "A": ("1", (0, 0, 0, 0, 1, 0)), "V": ("1", (1, 2, -3, 0, -1, 0)), "J": ("1", (1, 2, -2, 0, 0, 0)),
-    "W": ("1", (1, 2, -3, 0, 0, 0)), "rad": ("1", _ANGLE), "dyn": ("1e-5", _FORCE),
-    "Pas": ("1", (1, -1, -1, 0, 0, 0)),
-    "Nm": ("1", (1, 2, -2, 0, 0, 0)),
+    "m": ("1", _LENGTH), "s": ("1", _TIME), "g": ("1e-3", (1, 0, 0, 0, 0, 0, 0)), "N": ("1", _FORCE),
+    "Pa": ("1", _STRESS), "bar": ("1e5", _STRESS), "Hz": ("1", (0, 0, -1, 0, 0, 0, 0)), "K": ("1", _KELVIN),
+    "A": ("1", (0, 0, 0, 0, 1, 0, 0)), "V": ("1", (1, 2, -3, 0, -1, 0, 0)),
+    "J": ("1", (1, 2, -2, 0, 0, 0, 0)),
+    "W": ("1", (1, 2, -3, 0, 0, 0, 0)), "rad": ("1", _ANGLE), "dyn": ("1e-5", _FORCE),
+    "ohm": ("1", _OHM), "Ω": ("1", _OHM), "mol": ("1", (0, 0, 0, 0, 0, 0, 1)),
+    "Pas": ("1", (1, -1, -1, 0, 0, 0, 0)),
+    "Nm": ("1", (1, 2, -2, 0, 0, 0, 0)),
 }  # fmt: skip
 _WORDS = {
     "meter": "m", "metre": "m", "second": "s", "newton": "N", "pascal": "Pa", "hertz": "Hz", "volt": "V",
@@ -83,8 +86,8 @@ _SINGLE: dict[str, tuple[Fraction | str, Dimension]] = {
     "kelvin": ("1", _KELVIN), "°": (_TURN / 360, _ANGLE), "deg": (_TURN / 360, _ANGLE),
     "degree": (_TURN / 360, _ANGLE),
     "radian": ("1", _ANGLE), "rev": (_TURN, _ANGLE), "U": (_TURN, _ANGLE),
-    "rpm": (_TURN / 60, (0, 0, -1, 0, 0, 1)),
-    "rps": (_TURN, (0, 0, -1, 0, 0, 1)),
+    "rpm": (_TURN / 60, (0, 0, -1, 0, 0, 1, 0)),
+    "rps": (_TURN, (0, 0, -1, 0, 0, 1, 0)),
 }  # fmt: skip
 _FAHRENHEIT = Fraction(5, 9)
 _CELSIUS = Unit(Fraction(1), _KELVIN, Fraction("273.15"))
@@ -101,7 +104,7 @@ _MISWRITTEN = [
     (r"\brads(?=\^?-)", "rad s"),
 ]  # fmt: skip
 
-_PLAIN = str.maketrans("µμ⁻−–⁰¹²³⁴⁵⁶·⋅×∙*", "uu---0123456.....")
+_PLAIN = str.maketrans("µμ\u2126⁻−–⁰¹²³⁴⁵⁶·⋅×∙*", "uuΩ---0123456.....")
 _FACTOR = r"([^\W\d_]+|°|%|1(?!\d))(?:(?:\^|(?<!1))(?:\(([-+]?\d+)\)|([-+]?\d+)))?"
 _MARKS = r"\s*([/.()]|\s)\s*"
 
@@ -159,8 +162,8 @@ def _product(text: str, at: int) -> tuple[Unit | None, int]:
             sign, at = -1 if mark[1] == "/" else 1, at + mark.end()
             if at == len(text):
                 return None, at
-    a, b, c, d, e, f = powers
-    return (Unit(size, (a, b, c, d, e, f)) if factors else None), at
+    a, b, c, d, e, f, g = powers
+    return (Unit(size, (a, b, c, d, e, f, g)) if factors else None), at
 
 
 @cache
@@ -182,3 +185,9 @@ def _symbol(text: str) -> Unit | None:
             scale, dimension = _METRIC[symbol]
             return Unit(Fraction(scale) * Fraction(10) ** _PREFIX_WORDS.get(prefix, 0), dimension)
     return None
+
+
+def alike(text: str) -> list[str]:
+    """Return the units that differ from a text in the case of letters only: mPa and MPa for mpa."""
+    every = (f"{prefix}{symbol}" for symbol in _METRIC for prefix in PREFIXES)
+    return [symbol for symbol in every if symbol.lower() == text.lower() and symbol != text]

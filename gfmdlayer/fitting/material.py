@@ -65,8 +65,9 @@ class MaterialFit:
 
     @property
     def material(self) -> Law:
-        """The law, with its shift, as a run takes it."""
-        law = self.fitted.material
+        """The law, with its shift, as a run takes it; a configuration in other units converts it."""
+        law, (time, modulus) = self.fitted.material, self.fitted.measurement.units
+        law = law.written_in(modulus, time) if time and modulus else law
         if self.superposition is None or self.superposition.law is None:
             return law
         return law.model_copy(update={"shift": self.superposition.law})

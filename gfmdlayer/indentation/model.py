@@ -147,7 +147,7 @@ class IsolatedContact(Model):
             stretches = 1 + sum(stop.breakpoint for stop in stops)
             growing = _GROWING * math.sqrt(1e-4 / (config.time.tolerance or 1e-4))
             steps = max(round(stretches * (_FEWEST + growing)), _QUARTERS * (len(stops) - 1))
-        fields = config.grid.points[0] * (1 + 3 * len(config.output.snapshots))
+        fields = config.grid.points[0] * (1 + 3 * len(config.output.snapshot_times))
         storage = HEADER + REAL * (len(INDENTATION) * max(steps, ROWS) + fields)
         return Footprint(steps, 0.0, _WORK * steps, PROGRAM, storage, _SECONDS * steps)
 

@@ -490,7 +490,7 @@ def _gathered(config: Config, every: Sequence[SweepCase], outcomes: Sequence[Out
         CaseRecord(case.index, result.data, case.values, outcome.reason or None)
         for case, outcome, result in zip(every, outcomes, results, strict=True)
     ]
-    return labelled(records, Swept.of(config.sweep, config.unit, config.output.times))
+    return labelled(records, Swept.of(config.sweep, config.unit, config.output.row_times))
 
 
 def _run_in_folder(cases: Cases, out: Path, progress: bool | None, jobs: int, threads: int) -> xarray.Dataset:

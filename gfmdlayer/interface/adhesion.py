@@ -25,6 +25,7 @@ from pydantic import Discriminator, Field, Tag
 from gfmdlayer.interface.interface import Interface
 from gfmdlayer.validation.fields import File, Finite, MustBe, NotNegative, Optional, Positive, given, strict
 from gfmdlayer.validation.problems import ConfigError, Mistake
+from gfmdlayer.validation.quantities import is_quantity
 from gfmdlayer.validation.reading import Reading, unread
 from gfmdlayer.validation.sections import Section
 from gfmdlayer.validation.units import Units, label_of
@@ -146,10 +147,17 @@ Insulation = Annotated[
     | Annotated[tuple[Insulator, ...], Field(json_schema_extra={"minItems": 1}), Tag("<list>")],
     Discriminator(lambda value: "<list>" if isinstance(value, (list, tuple)) else "<number>"),
 ]
+
+
+def _is_file(value: object) -> bool:
+    """Whether a value names a file, and is no number with a unit."""
+    return isinstance(value, Path) or (isinstance(value, str) and not is_quantity(value))
+
+
 _volts = MustBe("a number, finite, or the name of a file")
 Voltage = Annotated[
     Annotated[Finite, _volts, Tag("<number>")] | Annotated[File, Tag("<file>")],
-    Discriminator(lambda value: "<file>" if isinstance(value, (str, Path)) else "<number>"),
+    Discriminator(lambda value: "<file>" if _is_file(value) else "<number>"),
 ]
 
 

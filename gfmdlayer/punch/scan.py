@@ -22,7 +22,7 @@ from gfmdlayer.grid.grid import Grid
 
 ROUNDING = 1e-3  # relative; sizes in headers have some three digits
 _WIDEST = 4.0  # spacings of the grid between neighbours of a line; more needs fill
-_LENGTH = (0, 1, 0, 0, 0, 0)
+_LENGTH = (0, 1, 0, 0, 0, 0, 0)
 
 
 class Length(NamedTuple):

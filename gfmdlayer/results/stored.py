@@ -14,9 +14,13 @@ from typing import Any
 
 from gfmdlayer.config import ConfigError, sweeps
 from gfmdlayer.config.geometries import GEOMETRIES
-from gfmdlayer.config.model import unit_label
+from gfmdlayer.config.measures import ConfigMeasures
+from gfmdlayer.config.model import Config, unit_label
 from gfmdlayer.results.names import ResultsError
 from gfmdlayer.validation import text
+from gfmdlayer.validation.problems import InconsistentError
+from gfmdlayer.validation.quantities import measured
+from gfmdlayer.validation.sections import described
 from gfmdlayer.validation.units import Units
 
 MARK = "# Results of gfmdlayer: their configuration, every default written out.\n"
@@ -38,11 +42,20 @@ def is_stored(config: Path) -> bool:
 
 
 def document(config: Path) -> dict[str, Any]:
-    """Return the data of a stored configuration; works without the input files that it names."""
-    parsed = text.read(config.read_text(encoding="utf-8", errors="replace"), str(config))
-    if not isinstance(parsed.data, dict):
+    """Return the data of a stored configuration; works without the input files that it names.
+
+    Swept numbers with units are converted: they are coordinates.
+    """
+    data = text.read(config.read_text(encoding="utf-8", errors="replace"), str(config)).data
+    try:
+        if isinstance(data, dict) and isinstance(sweep := data.get("sweep"), dict):
+            with measured(ConfigMeasures(data)):
+                return data | {"sweep": sweeps.with_numbers(sweep, lambda key: described(Config, key)[1])}
+    except InconsistentError:
+        data = None
+    if not isinstance(data, dict):
         raise ResultsError(f"{config}: cannot be read; must be as the run wrote it")
-    return parsed.data
+    return data
 
 
 def unit_of(config: Mapping[str, Any]) -> Callable[[str], str]:

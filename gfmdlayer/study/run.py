@@ -344,7 +344,7 @@ class Study:
         self._bring_to_the_disk()
         try:
             path = collect(
-                self._folder.path, records, Swept.of(config.sweep, config.unit, config.output.times)
+                self._folder.path, records, Swept.of(config.sweep, config.unit, config.output.row_times)
             )
             collected = attributes(path)
             if said := str(collected.get("warnings", "")):

@@ -7,6 +7,8 @@ import inspect
 import math
 import re
 import textwrap
+from contextvars import ContextVar
+from copy import copy
 from dataclasses import dataclass
 from functools import cache
 from itertools import pairwise
@@ -26,27 +28,39 @@ from pydantic import (
 from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
+from gfmdlayer.validation import quantities
 from gfmdlayer.validation.problems import A_NUMBER, nearest, shown
+from gfmdlayer.validation.quantities import Written
 
 # Products and quotients of a few numbers of this size do not leave the range of double precision.
 SMALLEST, LARGEST = 1e-30, 1e30
 MANY = 2**31  # points; FFTW counts in 32 bits and cannot transform as many
+
+# The section whose schema is built: its fields find their dimension by it.
+building: ContextVar[type[BaseModel] | None] = ContextVar("building", default=None)
 
 
 @dataclass(frozen=True)
 class MustBe:
     """Annotation of a field: whatever its type refuses is reported as "must be ALLOWED".
 
-    Numbers with a fraction are also refused where they are too large or too small to compute with.
+    Numbers with a fraction are also refused where they are too large or too small to compute with. A field
+    with a dimension takes a text with a unit, which becomes a `Written`.
     """
 
     allowed: str  # the values allowed, continuing "must be ..."
     words: tuple[str, ...] = ()  # the allowed words, where the field takes words
     any_size: bool = False  # of numbers that are compared only
+    field: tuple[type[BaseModel] | None, str] = (None, "")  # section and key, which have the dimension
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
         """Wrap the type's own validation."""
-        return core_schema.no_info_wrap_validator_function(self.validate, handler(source))
+        own = copy(self)
+        object.__setattr__(own, "field", (building.get(), handler.field_name or ""))
+        as_it_is = core_schema.simple_ser_schema("any")  # a number that keeps its text
+        return core_schema.no_info_wrap_validator_function(
+            own.validate, handler(source), serialization=as_it_is
+        )
 
     def __get_pydantic_json_schema__(
         self, schema: CoreSchema, handler: GetJsonSchemaHandler
@@ -56,16 +70,37 @@ class MustBe:
 
     def validate(self, value: Any, inner: core_schema.ValidatorFunctionWrapHandler) -> Any:
         """Validate by the type, and report an error in the field's words."""
+        if value.__class__ is Written:
+            counts_again = quantities.around() and dimension_of(*self.field)  # in other units, it may be
+            return Written(self.validate(value.text if counts_again else float(value), inner), value.text)
         try:
             taken = inner(value)
-        except (ValidationError, OverflowError):
-            message = f"got {shown(value)}; must be {self.allowed}{self._hint(value)}"
-            raise PydanticCustomError("must_be", message) from None
+        except (ValidationError, OverflowError) as error:
+            taken = self._of_text(value, inner, error)
         sized = isinstance(taken, float) and taken not in {0.0, math.inf} and not self.any_size
         if sized and not SMALLEST <= abs(taken) <= LARGEST:
             limits = f"the size must be from {SMALLEST:g} to {LARGEST:g}; choose other units"
             raise PydanticCustomError("must_be", f"got {shown(value)}; {limits}")
         return taken
+
+    def _of_text(self, value: Any, inner: core_schema.ValidatorFunctionWrapHandler, error: Exception) -> Any:
+        """Return the number of a text that the type refused; raise the error of any other value."""
+        if isinstance(value, str) and (number := self.number(value)) is not None:
+            try:
+                return Written(inner(number), value)
+            except (ValidationError, OverflowError):
+                message = f"got {shown(value)}, which is {number:g}; must be {self.allowed}"
+                raise PydanticCustomError("must_be", message) from None
+        entries = isinstance(value, (list, tuple)) and isinstance(error, ValidationError) and error.errors()
+        if any(entry["type"] == "quantity" for entry in entries or ()):
+            raise error  # of an entry, at its own place
+        message = f"got {shown(value)}; must be {self.allowed}{self._hint(value)}"
+        raise PydanticCustomError("must_be", message) from None
+
+    def number(self, text: str) -> float | None:
+        """Return the number that a text stands for, if any."""
+        words = dimension_of(*self.field)
+        return quantities.number(text, words, self.allowed) if words else None
 
     def _hint(self, value: object) -> str:
         """Return "; did you mean ...?" for the nearest word, or how to write what begins as a number."""
@@ -150,7 +185,7 @@ Amplitudes = Annotated[
 # needs them, and reading them takes about as long as building all sections.
 
 _DIMENSION = re.compile(
-    r": ((?:length|pressure|time|force|drive|V|ohm|J|mol|kelvin|degrees|Celsius|or|\d|[/^ ])+)$", re.MULTILINE
+    r": ((?:length|pressure|time|force|drive|V|ohm|J|mol|kelvin|degrees|Celsius|\d|[/^ ])+)$", re.MULTILINE
 )
 
 
@@ -158,6 +193,13 @@ def dimension(words: str) -> tuple[str, str]:
     """Split the words of a key into its meaning and its dimension, which is empty where it has none."""
     match = _DIMENSION.search(words)
     return (words[: match.start()], match[1]) if match else (words, "")
+
+
+def dimension_of(section: type[BaseModel] | None, key: str) -> str:
+    """Return the dimension of a field of a section in words, empty where it has none."""
+    if section is None or (field := section.model_fields.get(key)) is None:
+        return ""
+    return dimension(meanings(section).get(field.alias or key, ""))[1]
 
 
 @cache

@@ -160,7 +160,8 @@ def shown(value: object) -> str:
         case int() if abs(value) > 10**18:
             return "a number of many digits"
         case int() | float():
-            return repr(value)
+            text = getattr(value, "text", "")  # as written, with a unit
+            return f"{value!r} ({text})" if text else repr(value)
         case Mapping():
             return "a mapping" if value else "an empty mapping"
         case list() | tuple():

@@ -18,7 +18,7 @@ from pydantic_core import CoreSchema, core_schema
 
 from gfmdlayer.files.cache import MemoryFile
 from gfmdlayer.made_once import kept_with
-from gfmdlayer.validation.fields import MustBe, Word, dimension, meanings
+from gfmdlayer.validation.fields import MustBe, Word, building, dimension, meanings
 from gfmdlayer.validation.problems import (
     ConfigError,
     Location,
@@ -31,6 +31,7 @@ from gfmdlayer.validation.problems import (
     unknown_key,
     without_last_places,
 )
+from gfmdlayer.validation.quantities import Written
 
 _SHAPES = {
     **dict.fromkeys(("model_type", "dict_type"), "a mapping of keys to values"),
@@ -65,6 +66,15 @@ class Section(BaseModel):
             """Make a section from its keys, which may be NumPy's numbers; ConfigError lists every error."""
             self._take(plain(keys))
 
+    @classmethod
+    def __get_pydantic_core_schema__(cls, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        """Build the schema, in which fields find the section that they are of."""
+        before = building.set(cls)
+        try:
+            return handler(source)
+        finally:
+            building.reset(before)
+
     def _take(self, data: dict[str, Any]) -> None:
         """Validate plain data into this new section."""
         try:
@@ -85,6 +95,10 @@ class Section(BaseModel):
     def fields(cls) -> dict[str, FieldInfo]:
         """Return the fields by the names that users write."""
         return {field.alias or name: field for name, field in cls.model_fields.items()}
+
+    def values_written(self) -> dict[str, Any]:
+        """Return the values by the names that users write."""
+        return {field.alias or name: vars(self)[name] for name, field in type(self).model_fields.items()}
 
 
 class Kind(Section):
@@ -196,6 +210,19 @@ def _below(section: Section) -> list[tuple[Location, Section]]:
     return below[::-1]
 
 
+def texts_in(value: object, at: Location = ()) -> Iterator[tuple[Location, Written]]:
+    """Yield the numbers in a section, or in plain data, that were written as texts, with their locations."""
+    if isinstance(value, Written):
+        yield at, value
+    elif isinstance(value, list | tuple):
+        for i, each in enumerate(value):
+            yield from texts_in(each, (*at, i))
+    elif isinstance(value, Mapping | Section):
+        held = value if isinstance(value, Mapping) else value.values_written()
+        for key, each in held.items():
+            yield from texts_in(each, (*at, key))
+
+
 def replaced(section: Part, change: Callable[[Any], Any]) -> Part:
     """Return a section in which `change` replaces values at any depth; it returns all others themselves."""
 
@@ -253,6 +280,10 @@ def explained(error: ValidationError, root: type[Section], everywhere: Iterable[
                 word = entry["ctx"]["tag"]
                 message = f"got {shown(word)}; must be {words.allowed}{nearest(word, words.words)}"
                 mistakes.append(Mistake((*location, chosen_by), message, chooses=True))
+            case "quantity" | "moment" as kind:
+                others = {"quantity": ("units",), "moment": ("time", "trajectory")}[kind]
+                chooses = _requires(section, location)
+                mistakes.append(Mistake(location, entry["msg"], others, chooses=chooses))
             case "must_be" | "value_error":
                 message = entry["msg"].removeprefix("Value error, ")
                 mistakes.append(Mistake(location, message, chooses=_requires(section, location)))

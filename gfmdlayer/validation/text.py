@@ -21,6 +21,7 @@ from ruamel.yaml.nodes import Node, ScalarNode, SequenceNode
 from ruamel.yaml.reader import ReaderError
 
 from gfmdlayer.validation.problems import Location, colon_without_space, dotted
+from gfmdlayer.validation.quantities import Written
 
 _TOO_DEEP = "nested too deeply for a configuration"
 _MOST_OPEN = 1000  # brackets: the parser takes a time that grows with the square of their number
@@ -244,6 +245,8 @@ def _in_line(value: object) -> str:
         return "true" if value else "false"
     if isinstance(value, int):
         return str(value)
+    if isinstance(value, Written):
+        return _word(value.text)
     if isinstance(value, float):
         return repr(float(value)).replace("inf", ".inf").replace("nan", ".nan")
     if isinstance(value, Mapping):

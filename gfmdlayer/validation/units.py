@@ -1,4 +1,4 @@
-"""Units of a configuration: labels of files and plots; numbers of files with units are converted into them.
+"""Units of a configuration: labels of files and plots; numbers with units are converted into them.
 
 Quantities are declared in words, such as "length", "pressure length" or "force"; with units the words become
 labels, which netCDF's udunits reads too: a force of Pa over m^2 is in N, one of MPa over mm^2 likewise.
@@ -7,10 +7,15 @@ labels, which netCDF's udunits reads too: a force of Pa over m^2 is in N, one of
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from fractions import Fraction
-from typing import Annotated
+from functools import cached_property
+from typing import Annotated, Any
 
-from gfmdlayer.files.units import PREFIXES, unit_of
+from pydantic import ValidationError
+from pydantic_core import PydanticCustomError
+
+from gfmdlayer.files.units import PREFIXES, Unit, unit_of
 from gfmdlayer.validation.fields import MustBe, Word
 from gfmdlayer.validation.sections import Section
 
@@ -42,7 +47,8 @@ class Units(Section):
 
     def label(self, words: str) -> str:
         """Write the unit of a quantity whose dimension is declared in words: "pressure", "length / time"."""
-        names = {"length": self.length, "pressure": self.stress, "time": self.time}
+        names = self._names
+        words = words.replace("pressure length^2", "force")
         # Stress times length squared is newtons with a prefix, where one has its size.
         sizes = ((prefix, Fraction(10) ** power) for prefix, power in PREFIXES.items() if power % 3 == 0)
         if newtons := next((f"{prefix}N" for prefix, size in sizes if size == self._force), ""):
@@ -50,6 +56,17 @@ class Units(Section):
         else:
             words = words.replace("force / length", "pressure length").replace("force", "pressure length^2")
         return re.sub("length|pressure|time", lambda word: names[word[0]], words).replace(" / ", "/")
+
+    def unit(self, words: str) -> Unit:
+        """Return the unit of a quantity whose dimension is declared in words."""
+        words = words.replace("force", "pressure length^2").replace(" / ", "/").replace(" ", ".")
+        found = unit_of(re.sub("length|pressure|time", lambda word: f"({self._names[word[0]]})", words))
+        assert found is not None, words
+        return found
+
+    @property
+    def _names(self) -> dict[str, str]:
+        return {"length": self.length, "pressure": self.stress, "time": self.time}
 
     def __str__(self) -> str:
         return f"length: {self.length}, stress: {self.stress}, time: {self.time}"
@@ -70,3 +87,32 @@ class Units(Section):
 def label_of(units: Units | None, words: str) -> str | None:
     """Return the label of a unit from its dimension in words; None where the configuration has no units."""
     return None if units is None else units.label(words)
+
+
+_OF_UNITS = re.compile("length|pressure|time|force")
+
+
+class OwnUnits:
+    """What numbers with units mean beside the key `units`, in plain data."""
+
+    def __init__(self, data: Mapping[str, Any]) -> None:
+        self._data = data
+
+    @cached_property
+    def _units(self) -> Units | None:
+        try:
+            return Units.model_validate(self._data.get("units"))
+        except ValidationError:  # reported at its own place, and the numbers with units are not
+            return None
+
+    def unit(self, dimension: str) -> tuple[Unit, str, str] | None:
+        """Return the unit, the label and the words of a dimension; voltages, angles, ... need no `units`."""
+        if not _OF_UNITS.search(dimension):
+            found = unit_of(dimension)
+            return None if found is None else (found, dimension, dimension)
+        own = self._units
+        return None if own is None else (own.unit(dimension), own.label(dimension), dimension)
+
+    def moment(self, word: str) -> float:
+        """Refuse a word: there is no run."""
+        raise PydanticCustomError("moment", f"got {word!r}; must be a number")

@@ -105,21 +105,6 @@ def test_a_bare_halfspace_has_no_relaxation_to_warn_of():
     assert "relaxation time" in " ".join(notes([gfmdlayer.Config(**one_step, **relaxing)]))
 
 
-@pytest.mark.parametrize("text", ["0.5mm", "0.5 mm", "0.5 µm", "500um"])
-def test_no_number_is_offered_for_one_with_a_unit(text, tmp_path, capsys):
-    """0.5 is no remedy for 0.5 mm in a run in metres."""
-    units = {"length": "m", "stress": "Pa", "time": "s"}
-    message = refused(units=units, layer={"thickness": text})
-    assert message == (
-        f"layer.thickness: got the text {text!r}; must be a number >= 0 or .inf; "
-        "numbers have a decimal point, no quotes and no unit"
-    )
-    path = tmp_path / "u.yaml"
-    path.write_text("name: u\nunits: {length: m, stress: Pa, time: s}\n")
-    assert main(["check", str(path), "--set", f"layer.thickness={text}"]) == 2
-    assert "did you mean" not in capsys.readouterr().err
-
-
 def test_time_with_friction_is_not_estimated_before_a_case_is_complete(tmp_path, capsys):
     path = tmp_path / "f.yaml"
     path.write_text(

@@ -526,6 +526,9 @@ def test_words_become_labels_and_stay_without_units():
     words = ("length", "pressure", "time", "length / time", "1", "force")
     assert [surface.unit(each) for each in words] == ["mm", "MPa", "h", "mm/h", "1", "N"]
     assert [line.unit(each) for each in words] == [*words[:-1], "force / length"]
+    assert surface.unit("pressure length^2/V^2") == "N/V^2"
+    force = {"control": "force", "force": 1.0}
+    assert line.with_values({"trajectory": force}).unit("drive/time") == "force / length/time"
 
 
 @pytest.mark.parametrize(

@@ -76,6 +76,19 @@ output:
 """,
     LINE + "output: {snapshots: [1.0], inside: {depths: [0, 0.1], times: [1.0], every: 2}}\n",
     LINE + "output: {inside: {points: 5, every: 1}}\n",
+    LINE + """\
+units: {length: mm, stress: MPa, time: s}
+layer: {thickness: 200 um, material: {G0: 1 MPa, Ginf: 10 N/mm^2, tau: 100 ms}}
+punch: {shape: parabola, radius: 5 cm}
+trajectory: {depth: 10 um, ramp_time: 0.1 min}
+time: {end: 30 s, step: adaptive}
+output:
+  snapshots: {from: start, to: peak, points: 3, spacing: linear}
+  times: {from: 10 ms, to: end, points: 9, spacing: log}
+sweep: {trajectory.depth: {from: 1 um, to: 0.1 mm, points: 3}, layer.thickness: [0.1 mm, 0.2]}
+""",
+    LINE + "output: {snapshots: peak}\n",
+    LINE + "output: {snapshots: [start, 1, end]}\ntime: {step: adaptive}\n",
     LINE + f"trajectory: {{kind: table, file: heights.txt, {READING}}}\ntime: {{step: adaptive}}\n"
     "output: {times: [1, 2]}\n",
     LINE + """\
