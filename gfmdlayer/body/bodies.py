@@ -25,6 +25,7 @@ from pydantic import ConfigDict, GetCoreSchemaHandler, SerializationInfo, Valida
 from pydantic_core import CoreSchema, core_schema
 
 from gfmdlayer.body.solid import Solid
+from gfmdlayer.errors import GfmdlayerError
 from gfmdlayer.validation.fields import File
 from gfmdlayer.validation.problems import InconsistentError, Mistake
 from gfmdlayer.validation.sections import OneOf, Section, explained, keys_of_files, load_table
@@ -139,7 +140,7 @@ def code_refused(refused: bool = True) -> Iterator[None]:
         _refused.reset(before)
 
 
-class CodeRefusedError(ValueError):
+class CodeRefusedError(GfmdlayerError, ValueError):
     """A body is code that is not run, because it is named by results."""
 
 

@@ -160,17 +160,18 @@ class Layer(Section):
     @alone
     def __init__(self, *values: Any, **keys: Any) -> None:
         """Make a layer from thickness, poisson and material, in this order or by name."""
-        parameters = dict(zip(Layer.model_fields, values, strict=False)) | keys
-        if len(parameters) < len(values) + len(keys):
-            raise TypeError(f"{type(self).__name__} takes each of {', '.join(Layer.model_fields)} once")
-        self._take(
-            {key: value if isinstance(value, Law) else plain(value) for key, value in parameters.items()}
-        )
+        named = self._named(values, keys)
+        self._take({key: value if isinstance(value, Law) else plain(value) for key, value in named.items()})
         if problems := list(contradictions(self)):  # in a configuration a sweep may replace the values
             raise ConfigError(map(str, problems))
         if self.material.units is not None:
             words = "material: its file has units, which a configuration converts"
             raise ConfigError([f"{words}; give the layer there as a mapping, or remove the units"])
+
+    @classmethod
+    def _in_order(cls) -> tuple[str, ...]:
+        """Return the keys whose values need no name, in their order."""
+        return tuple(Layer.model_fields)
 
     def problems(self) -> Iterator[Mistake]:
         """Refuse moduli that contradict each other or Poisson's ratio."""

@@ -16,13 +16,14 @@ from typing import NamedTuple
 
 from gfmdlayer.config import Config
 from gfmdlayer.config.sweeps import as_label
+from gfmdlayer.errors import GfmdlayerError
 from gfmdlayer.observables import known_numbers
 from gfmdlayer.observables.contact import TIME
 from gfmdlayer.observables.observable import declared
 from gfmdlayer.validation.sections import described
 
 
-class ResultsError(OSError):
+class ResultsError(GfmdlayerError, OSError):
     """A results file or folder that cannot be written or read; the message names it and says why."""
 
 
