@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, Literal, cast
 
 from pydantic import PrivateAttr
 
+from gfmdlayer.body.body import check_body
 from gfmdlayer.body.materials import Law, Material
 from gfmdlayer.body.solid import Relaxation, Solid
 from gfmdlayer.validation.problems import Mistake
@@ -51,6 +52,8 @@ class Pair(Solid):
     @alone
     def __init__(self, first: Body, second: Body) -> None:
         self._take({})
+        for body in (first, second):
+            check_body(body, "mean_stiffness", "stiffness", "spectrum")
         self._bodies = first, second
 
     def __repr_args__(self) -> Iterator[tuple[str, object]]:

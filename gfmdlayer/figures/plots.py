@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
+from functools import partial
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Literal
@@ -15,7 +16,7 @@ from gfmdlayer.figures.curve_plots import curves_figure, loop_figure
 from gfmdlayer.figures.field_plots import inside_figure, stick_figure
 from gfmdlayer.figures.map_plots import fit_map_figure, map_figure
 from gfmdlayer.figures.movies import default_suffix, write_movie
-from gfmdlayer.figures.plot_style import STYLES, check_suffix, save
+from gfmdlayer.figures.plot_style import PAPER, STYLES, Style, check_suffix, save
 from gfmdlayer.figures.selection import Time, Wanted, notes
 from gfmdlayer.figures.snapshots import (
     MOST_CASES,
@@ -155,30 +156,56 @@ def plot_results(
             write_movie(first, picture, title, look, fps)
             return [picture]
         check_suffix(picture)
-        about = (title, look, said)
-        along = "time" if inset or log_time else selection.default_abscissa(dataset)
-        draw: dict[Kind, Callable[[], Figure]] = {
-            "curves": lambda: curves_figure(
-                dataset, style=look, log=log, log_time=log_time, x=x or along, y=y, time=time,
-                inset=Inset.of(first, inset) if inset else None,
-            ),
-            "loop": lambda: loop_figure(path, dataset, look, _one(y, "a loop") or "force"),
-            "snapshots": lambda: snapshots_figure(cases, look, said, every=bool(times)),
-            "stick": lambda: stick_figure(first, *about, every=bool(times)),
-            "inside": lambda: inside_figure(first, _one(z, "a section"), *about, every=bool(times)),
-            "waterfall": lambda: waterfall_figure(first, *about, every=bool(times)),
-            "map": lambda: (
-                fit_map_figure(dataset, look, z)
-                if "fitted" in dataset.attrs
-                else map_figure(dataset, time, look, x=x, y=_one(y, "a map"), z=z)
-            ),
-        }  # fmt: skip
-        pictures = {picture: draw[kind or "curves"]}
+        draw = partial(
+            figure_of, dataset, cases, path=path, x=x, y=y, z=z, time=time, inset=inset, log=log,
+            log_time=log_time, look=look, said=said, every=bool(times),
+        )  # fmt: skip
+        pictures: dict[Path, Kind] = {picture: kind or "curves"}
         if kind is None and cases:
-            pictures[picture.with_stem(f"{picture.stem}-snapshots")] = draw["snapshots"]
-        for file, figure in pictures.items():
-            save(figure(), file, look)
+            pictures[picture.with_stem(f"{picture.stem}-snapshots")] = "snapshots"
+        for file, each in pictures.items():
+            save(draw(each), file, look)
         return list(pictures)
+
+
+def figure_of(
+    dataset: Dataset,
+    cases: Mapping[str, Dataset],
+    kind: Kind,
+    *,
+    path: Path | None = None,
+    x: str = "",
+    y: Sequence[str] = (),
+    z: Sequence[str] = (),
+    time: Time | None = None,
+    inset: Sequence[float] = (),
+    log: Sequence[Literal["x", "y"]] | None = None,
+    log_time: bool = False,
+    look: Style = PAPER,
+    said: Sequence[str] = (),
+    every: bool = False,
+) -> Figure:
+    """Draw one kind of picture of results, and of their cases with snapshots; see `plot_results`."""
+    title, first = next(iter(cases.items()), ("", dataset))
+    about = (title, look, said)
+    if kind == "curves":
+        along = "time" if inset or log_time else selection.default_abscissa(dataset)
+        return curves_figure(
+            dataset, style=look, log=log, log_time=log_time, x=x or along, y=y, time=time,
+            inset=Inset.of(first, inset) if inset else None,
+        )  # fmt: skip
+    if kind == "loop":
+        return loop_figure(path, dataset, look, _one(y, "a loop") or "force")
+    if kind == "map":
+        if "fitted" in dataset.attrs:
+            return fit_map_figure(dataset, look, z)
+        return map_figure(dataset, time, look, x=x, y=_one(y, "a map"), z=z)
+    if kind == "snapshots":
+        return snapshots_figure(cases, look, said, every=every)
+    if kind == "inside":
+        return inside_figure(first, _one(z, "a section"), *about, every=every)
+    draw = {"stick": stick_figure, "waterfall": waterfall_figure}[kind]
+    return draw(first, *about, every=every)
 
 
 def _one(names: Sequence[str], figure: str) -> str:

@@ -43,7 +43,16 @@ SAME_TEMPERATURE = 1.0  # kelvin: rows closer than this are of one curve
 
 
 class FitError(GfmdlayerError, ValueError):
-    """A fit is not possible; the message gives the reason and the allowed values."""
+    """A fit is not possible; the message gives the reason and the allowed values.
+
+    Examples
+    --------
+    >>> try:
+    ...     gfmdlayer.fit_material({"omega": [1.0, 2.0], "G'": [1.0, 1.1], "G''": [0.1, 0.1]})
+    ... except gfmdlayer.FitError as error:
+    ...     print("rows" in str(error))
+    True
+    """
 
 
 @dataclass(frozen=True)

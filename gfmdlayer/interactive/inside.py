@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -13,11 +13,13 @@ from gfmdlayer.body.layers import Layers
 from gfmdlayer.body.materials import Elastic
 from gfmdlayer.body.solid import LayerDepth, beyond, places
 from gfmdlayer.config import ConfigError
+from gfmdlayer.config.reader import body_of
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.history.inside import INVARIANTS, Interior, NormalInterior, invariants, named
 from gfmdlayer.history.traction_inside import TractionInterior
-from gfmdlayer.interactive.one_contact import config_of, derived, numbers_in
+from gfmdlayer.interactive.one_contact import check_data, config_of, derived, numbers_in
 from gfmdlayer.results.names import VARIABLES
+from gfmdlayer.validation.entry import entry
 from gfmdlayer.validation.problems import shown
 
 if TYPE_CHECKING:
@@ -26,11 +28,12 @@ if TYPE_CHECKING:
     from gfmdlayer.arrays import ComplexArray, FloatArray
 
 
+@entry()
 def inside(
     data: xarray.Dataset,
     depths: Sequence[float] | FloatArray,
     *,
-    body: Body | None = None,
+    body: Body | Mapping[str, Any] | None = None,
     trust: bool = False,
 ) -> xarray.Dataset:
     """Return displacements and stresses below the surface.
@@ -43,7 +46,7 @@ def inside(
         result of `gfmdlayer.solve`.
     depths : sequence of float, shape (n,)
         Depths z >= 0 below the surface of the undeformed body [length], increasing.
-    body : Body, optional
+    body : Body or mapping, optional
         A `LayerStack`, or a body of `halfspace` or `bonded_layer`; default: the body of the case's
         configuration.
     trust : bool
@@ -82,10 +85,12 @@ def inside(
     >>> float((below.largest_shear.max() / found.pressure.max()).round(2))
     0.3
     """
+    check_data(data)
     axes = _checked(data)
     has_springs = "spring_force" in data and body is None
     shear = [f"shear_{axis}" for axis in axes if f"shear_{axis}" in data]
-    layers, elastic = _layers(body, data, known=has_springs, trust=trust)
+    solid = None if body is None else body_of(body)
+    layers, elastic = _layers(solid, data, known=has_springs, trust=trust)
     rows = _places(layers, depths)
     leads = [str(name) for name in data["pressure"].dims if name not in axes]
     steps = [float(data[name][1] - data[name][0]) for name in axes]

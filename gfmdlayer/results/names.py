@@ -24,7 +24,16 @@ from gfmdlayer.validation.sections import described
 
 
 class ResultsError(GfmdlayerError, OSError):
-    """A results file or folder that cannot be written or read; the message names it and says why."""
+    """A results file or folder that cannot be written or read; the message names it and says why.
+
+    Examples
+    --------
+    >>> try:
+    ...     gfmdlayer.open_case("nothing.h5")
+    ... except gfmdlayer.ResultsError as error:
+    ...     print(error)
+    nothing.h5: no such file
+    """
 
 
 class Parameter(NamedTuple):

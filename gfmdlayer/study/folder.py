@@ -60,7 +60,18 @@ WAYS_OUT = "choose another folder with --out, or --restart to start over"
 
 
 class FolderError(GfmdlayerError):
-    """A folder cannot be used for these results; the message names the reason and a remedy."""
+    """A folder cannot be used for these results; the message names the reason and a remedy.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> _ = Path("notes.txt").write_text("not results")
+    >>> try:
+    ...     gfmdlayer.run({"grid": {"points": 64}}, out=".")
+    ... except gfmdlayer.FolderError as error:
+    ...     print(str(error).partition(";")[0])
+    .: is not empty and not a results folder of gfmdlayer: no config.yaml
+    """
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from itertools import chain
 from operator import is_
 from pathlib import Path
 from types import UnionType
-from typing import TYPE_CHECKING, Any, ClassVar, Generic, Literal, TypeVar, Union, get_args, get_origin
+from typing import TYPE_CHECKING, Any, ClassVar, Generic, Literal, TypeVar, Union, cast, get_args, get_origin
 
 from pydantic import BaseModel, ConfigDict, GetCoreSchemaHandler, ValidationError
 from pydantic.fields import FieldInfo
@@ -34,6 +34,11 @@ from gfmdlayer.validation.problems import (
     without_last_places,
 )
 
+if TYPE_CHECKING:
+    from pydantic._internal._model_construction import ModelMetaclass as _ModelMetaclass
+else:
+    _ModelMetaclass = type(BaseModel)
+
 _SHAPES = {
     **dict.fromkeys(("model_type", "dict_type"), "a mapping of keys to values"),
     **dict.fromkeys(("tuple_type", "list_type"), "a list"),
@@ -53,14 +58,15 @@ def alone(init: Init) -> Init:
     return init
 
 
-class _Shown(type(BaseModel)):  # type: ignore[misc]
+class _Shown(_ModelMetaclass):
     """Metaclass that shows editors and `help` the keys of a section, with types and defaults.
 
     Pydantic's own signature lacks the order of values without a name, and is made only with the first use.
     """
 
     @property
-    def __signature__(cls) -> Signature | None:
+    def __signature__(self) -> Signature | None:
+        cls = cast("type[Section]", self)
         if not cls.__init__.__code__.co_flags & CO_VARKEYWORDS:
             return None  # the one of __init__
         ordered, word = cls._in_order(), cls._word()
@@ -79,7 +85,7 @@ class _Shown(type(BaseModel)):  # type: ignore[misc]
         )
 
     @__signature__.setter
-    def __signature__(cls, _of_pydantic: object) -> None:
+    def __signature__(self, _of_pydantic: object) -> None:
         pass
 
 
@@ -104,7 +110,7 @@ def _plain_type(annotation: Any) -> Any:
     return Union[plainly] if isinstance(annotation, UnionType) else get_origin(annotation)[plainly]  # noqa: UP007
 
 
-class Section(BaseModel, metaclass=type(BaseModel) if TYPE_CHECKING else _Shown):
+class Section(BaseModel, metaclass=_Shown):
     """A part of the configuration: immutable, with the listed keys only."""
 
     # Built when first used: the whole configuration contains a copy of most sections.

@@ -255,14 +255,14 @@ class Springs:
 
 def test_a_body_names_what_it_lacks():
     punch, lacks = gfmdlayer.Parabola(radius=1.0), "Springs has no spectrum"
-    with pytest.raises(TypeError, match=lacks):
+    with pytest.raises(ConfigError, match=lacks):
         gfmdlayer.solve(Springs(), punch, depth=0.01)
-    with pytest.raises(TypeError, match=lacks):
+    with pytest.raises(ConfigError, match=lacks):
         gfmdlayer.indent(Springs(), punch, [0.0, 1.0], depth=[0.0, 0.01])
     case = Case(Config(name="a", grid={"points": 32}), body=Springs())
-    with pytest.raises(TypeError, match=lacks):
+    with pytest.raises(ConfigError, match=lacks):
         simulate(case, Recording())
-    with pytest.raises(TypeError, match=r"float has no .*; no spectrum.*must be a body, such as halfspace"):
+    with pytest.raises(ConfigError, match=r"float has no .*; no spectrum.*must be a body, such as halfspace"):
         gfmdlayer.solve(1.0, punch, depth=0.01)
 
 

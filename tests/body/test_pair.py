@@ -104,7 +104,7 @@ def test_a_body_of_fixed_mean_adds_no_compliance_to_the_mean():
 
 def test_deep_bodies_keep_one_time_at_all_waves():
     """So that histories of large surfaces store one number a wave and mode."""
-    layer = gfmdlayer.bonded_layer(0.3, Zener(tau=0.5), base=5.0)
+    layer = gfmdlayer.bonded_layer(0.3, Zener(tau=0.5), halfspace=5.0)
     q = np.hypot(*np.meshgrid(np.arange(200.0), np.arange(100.0)))
     found = Pair(layer, gfmdlayer.halfspace(Zener())).spectrum(q)
     deep = 0.3 * q > 30

@@ -39,7 +39,7 @@ MODEL: dict[str, Any] = {
 }
 FREE = ["layer.material.G", "contact_point"]
 BODY = gfmdlayer.bonded_layer(
-    thickness=THICKNESS, material=gfmdlayer.Elastic(G), poisson=0.5, base=math.inf
+    thickness=THICKNESS, material=gfmdlayer.Elastic(G), poisson=0.5, halfspace=math.inf
 )  # fmt: skip
 PUNCH = Parabola(radius=5.0)
 

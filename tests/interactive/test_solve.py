@@ -70,7 +70,7 @@ def test_a_parabola_on_a_thin_bonded_layer_presses_springs():
 
 def test_a_free_layer_is_softer_than_a_halfspace_and_a_bonded_one_stiffer():
     forces = [
-        float(solve(bonded_layer(0.05, 1.0, base=base), Parabola(radius=0.25), depth=0.005).force)
+        float(solve(bonded_layer(0.05, 1.0, halfspace=base), Parabola(radius=0.25), depth=0.005).force)
         for base in (0.0, 0.5, 1.0, 2.0, np.inf)
     ]
     assert forces == sorted(forces)
@@ -95,7 +95,7 @@ def test_depth_mean_pressure_and_force_give_the_same_contact():
 
 def test_a_viscoelastic_body_is_relaxed_or_glassy():
     """As a run that ends late, or that begins at once."""
-    body, punch = bonded_layer(0.1, Zener(1.0, 5.0, 1.0), base=1.0), Parabola(radius=0.25)
+    body, punch = bonded_layer(0.1, Zener(1.0, 5.0, 1.0), halfspace=1.0), Parabola(radius=0.25)
     slow, fast = (
         float(solve(body, punch, depth=0.005, points=256, instantaneous=now).force) for now in (False, True)
     )
@@ -156,7 +156,7 @@ def test_impossible_arguments_are_refused_in_words(name):
 
 
 def test_a_body_without_a_modulus_is_refused():
-    with pytest.raises(TypeError, match=r"LayeredHalfspace has no spectrum.*must be a body"):
+    with pytest.raises(ConfigError, match=r"LayeredHalfspace has no spectrum.*must be a body"):
         solve(gfmdlayer.LayeredHalfspace(0.1, 0.5, 1.0), Parabola(), depth=0.01)
     with pytest.raises(ConfigError, match=r"poisson: got 0\.6; must be above -1 and at most 0\.5"):
         bonded_layer(0.1, 1.0, poisson=0.6)
