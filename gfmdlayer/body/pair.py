@@ -52,8 +52,8 @@ class Pair(Solid):
     @alone
     def __init__(self, first: Body, second: Body) -> None:
         self._take({})
-        for body in (first, second):
-            check_body(body, "mean_stiffness", "stiffness", "spectrum")
+        for key, body in (("first", first), ("second", second)):
+            check_body(body, "mean_stiffness", "spectrum", key=key)
         self._bodies = first, second
 
     def __repr_args__(self) -> Iterator[tuple[str, object]]:

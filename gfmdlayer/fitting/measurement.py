@@ -48,10 +48,10 @@ class FitError(GfmdlayerError, ValueError):
     Examples
     --------
     >>> try:
-    ...     gfmdlayer.fit_material({"omega": [1.0, 2.0], "G'": [1.0, 1.1], "G''": [0.1, 0.1]})
+    ...     gfmdlayer.fit_indentation([], {"punch": gfmdlayer.Sphere(radius=1.0)}, "layer.material.G0")
     ... except gfmdlayer.FitError as error:
-    ...     print("rows" in str(error))
-    True
+    ...     print(error)
+    got no curve; give at least one
     """
 
 

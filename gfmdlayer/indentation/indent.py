@@ -323,7 +323,7 @@ def _as_series(body: Body, time: FloatArray, tolerance: float) -> Body:
     return made
 
 
-@entry(indenter="punch")
+@entry(indenter="punch", work_of_adhesion="work")
 def indent(
     body: Body | Mapping[str, Any],
     punch: OfRevolution | Revolution | Mapping[str, Any] | tuple[ArrayLike, ArrayLike],
@@ -332,7 +332,7 @@ def indent(
     depth: ArrayLike | None = None,
     force: ArrayLike | None = None,
     tolerance: float = 1e-4,
-    work_of_adhesion: float = 0.0,
+    work: float = 0.0,
     edge_speed: float = math.inf,
     edge_exponent: float = 0.6,
     healing_work: float | None = None,
@@ -359,14 +359,15 @@ def indent(
         tenth of the largest counts by its square: it falls like a root of time where contact is lost. With
         adhesion contact jumps: errors that a shift in time by up to `tolerance` times the duration removes
         do not count then. Not below 1e-9.
-    work_of_adhesion : float
-        Energy per area that a slowly receding edge of the contact takes (JKR), with the relaxed modulus.
+    work : float
+        Work of adhesion: the energy per area that a slowly receding edge of the contact takes (JKR), with
+        the relaxed modulus.
     edge_speed, edge_exponent : float
-        An edge that recedes with the speed v takes work_of_adhesion (1 + (v/edge_speed)^edge_exponent), as
+        An edge that recedes with the speed v takes work (1 + (v/edge_speed)^edge_exponent), as
         Maugis & Barquins, J. Phys. D 11 (1978) 1989, have it; length over time, and a number.
     healing_work : float, optional
         Energy per area that a slowly advancing edge gains, with the relaxed modulus; at most, and by default,
-        work_of_adhesion (relaxed/glassy modulus of the surface)^2. With the default, an edge exchanges the
+        work (relaxed/glassy modulus of the surface)^2. With the default, an edge exchanges the
         same energy with the glassy body next to it on both ways.
     snapshots : sequence of float
         Times of the radial profiles of pressure, displacement and gap.
@@ -403,8 +404,8 @@ def indent(
     """
     body = body_of(body, "stiffness", "spectrum")
     history = _history(time, depth, force)
-    _check_numbers(tolerance, work_of_adhesion, edge_speed, edge_exponent, healing_work or 0.0)
-    if not work_of_adhesion and history.by_force and history.value.min() < 0:
+    _check_numbers(tolerance, work, edge_speed, edge_exponent, healing_work or 0.0)
+    if not work and history.by_force and history.value.min() < 0:
         raise ConfigError([f"force: got {history.value.min():.6g}; must be >= 0 without adhesion"])
     if not history.by_force and history.value.max() >= (floor := getattr(body, "rigid_below", math.inf)):
         raise ConfigError(
@@ -422,12 +423,12 @@ def indent(
         as_revolution(punch),
         history,
         tolerance=tolerance,
-        adhesion=Edge(work_of_adhesion, edge_speed, edge_exponent, healing_work),
+        adhesion=Edge(work, edge_speed, edge_exponent, healing_work),
         snapshots=kept.tolist(),
         stops=rows.tolist(),
     )
     try:
-        return _data_of(run, adhesive=work_of_adhesion > 0)
+        return _data_of(run, adhesive=work > 0)
     except ArithmeticError as error:
         if isinstance(error, ConvergenceError):
             raise
@@ -497,10 +498,10 @@ def as_revolution(indenter: Any) -> Revolution:
 
 
 def _check_numbers(
-    tolerance: float, work_of_adhesion: float, edge_speed: float, edge_exponent: float, healing_work: float
+    tolerance: float, work: float, edge_speed: float, edge_exponent: float, healing_work: float
 ) -> None:
     numbers = {
-        "work_of_adhesion": work_of_adhesion,
+        "work": work,
         "edge_speed": edge_speed,
         "edge_exponent": edge_exponent,
         "healing_work": healing_work,
@@ -509,7 +510,7 @@ def _check_numbers(
     for name, value in numbers.items():
         if np.ndim(value) or np.asarray(value).dtype.kind not in "iuf":
             raise ConfigError([f"{name}: got {value!r}; must be a number"])
-    for name in ("work_of_adhesion", "healing_work"):
+    for name in ("work", "healing_work"):
         if not 0 <= numbers[name] < math.inf:
             raise ConfigError([f"{name}: got {numbers[name]!r}; must be finite and >= 0"])
     if not edge_speed > 0:
@@ -518,11 +519,9 @@ def _check_numbers(
         raise ConfigError([f"edge_exponent: got {edge_exponent!r}; must be finite and > 0"])
     if not FINEST <= tolerance < math.inf:
         raise ConfigError([f"tolerance: got {tolerance!r}; must be finite and >= {FINEST:g}"])
-    if not work_of_adhesion and (edge_speed < math.inf or healing_work):
+    if not work and (edge_speed < math.inf or healing_work):
         name = "edge_speed" if edge_speed < math.inf else "healing_work"
-        raise ConfigError(
-            [f"{name}: got {numbers[name]!r} without adhesion; must have a work_of_adhesion > 0"]
-        )
+        raise ConfigError([f"{name}: got {numbers[name]!r} without adhesion; must have a work > 0"])
 
 
 def _history(time: ArrayLike, depth: ArrayLike | None, force: ArrayLike | None) -> History:

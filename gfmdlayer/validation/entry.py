@@ -48,6 +48,7 @@ def entry(
                 raise ConfigError(wrong)
             return function(*values, **keys)
 
+        called.former = dict(former)  # type: ignore[attr-defined]
         return called
 
     return marked
