@@ -46,7 +46,7 @@ class Layers(Solid):
     accuracy : float
         Relative error of K(q, s) up to which modes of the spectrum are merged; 0 keeps all. The closed forms
         of a single layer need no merging.
-    base : Halfspace, optional
+    halfspace : Halfspace, optional
         The halfspace below the layers by its keys, in place of `rigid`.
 
     Raises
@@ -75,6 +75,7 @@ class Layers(Solid):
     _base: Halfspace = PrivateAttr(default_factory=Halfspace)
     _accuracy: float = 0.0
 
+    @entry(base="halfspace")
     @alone
     def __init__(
         self,
@@ -82,23 +83,23 @@ class Layers(Solid):
         rigid: bool = False,
         accuracy: float = 0.0,
         *,
-        base: Halfspace | None = None,
+        halfspace: Halfspace | None = None,
     ) -> None:
         self._take({})
         if not (isinstance(layers, Sequence) and all(isinstance(each, Layer) for each in layers)):
             allowed = "must be a list of Layer(thickness, poisson, material), from the surface down"
             raise ConfigError([f"layers: got {shown(layers)}; {allowed}"])
         self._above, self._accuracy = tuple(layer.in_shear for layer in layers), accuracy
-        if base is None:  # else the configuration has been checked
+        if halfspace is None:  # else the configuration has been checked
             _check(self._above, rigid=rigid)
-            base = Halfspace(shear_modulus=math.inf if rigid else 0.0)
-        self._base = base.in_shear
+            halfspace = Halfspace(shear_modulus=math.inf if rigid else 0.0)
+        self._base = halfspace.in_shear
 
     @classmethod
     @lru_cache(maxsize=16)  # sections never change, and a case asks for its body some twenty times
     def of(cls, layers: tuple[Layer, ...], base: Halfspace) -> Layers:
         """Return the body of the sections of a configuration, made once."""
-        return cls(layers, base=base)
+        return cls(layers, halfspace=base)
 
     def with_series(self, materials: Sequence[Material], accuracy: float) -> Layers:
         """Return the layers with a series for each of `laws`; a stack merges its modes to the accuracy."""
@@ -107,7 +108,7 @@ class Layers(Solid):
         merges_alike = accuracy == self._accuracy or self.closed_form is not None
         if merges_alike and base is self._base and all(map(is_, own, self._above)):
             return self
-        return Layers(own, accuracy=accuracy, base=base)
+        return Layers(own, accuracy=accuracy, halfspace=base)
 
     # The parts.
 
@@ -344,10 +345,11 @@ class ViscoelasticLayer(Layers):
     (3, 2)
     """
 
+    @entry()
     @alone
     def __init__(self, layer: LayeredHalfspace, material: Law) -> None:
         base = Halfspace(shear_modulus=layer.bulk_modulus, poisson=layer.bulk_poisson)
-        super().__init__((Layer(layer.thickness, layer.poisson, material),), base=base)
+        super().__init__((Layer(layer.thickness, layer.poisson, material),), halfspace=base)
 
     @property
     def layer(self) -> LayeredHalfspace:

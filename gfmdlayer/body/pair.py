@@ -10,6 +10,7 @@ from pydantic import PrivateAttr
 from gfmdlayer.body.body import check_body
 from gfmdlayer.body.materials import Law, Material
 from gfmdlayer.body.solid import Relaxation, Solid
+from gfmdlayer.validation.entry import entry
 from gfmdlayer.validation.problems import Mistake
 from gfmdlayer.validation.sections import alone
 
@@ -49,6 +50,7 @@ class Pair(Solid):
 
     _bodies: tuple[Body, Body] = PrivateAttr()
 
+    @entry()
     @alone
     def __init__(self, first: Body, second: Body) -> None:
         self._take({})

@@ -23,22 +23,24 @@ def entry(
     """
 
     def marked(function: Callable[Arguments, Returned]) -> Callable[Arguments, Returned]:
-        known = signature(function).parameters.values()
+        every = signature(function).parameters
+        known = [each for name, each in every.items() if name != "self"]
         names = [each.name for each in known if each.kind is not Parameter.VAR_KEYWORD]
         ordered = [each.name for each in known if each.kind is Parameter.POSITIONAL_OR_KEYWORD]
         required = [each.name for each in known if each.default is Parameter.empty and each.name in names]
         takes_any = len(names) < len(known)
-        title = function.__name__
+        title, bound = function.__qualname__.removesuffix(".__init__"), len(every) - len(known)
 
         @wraps(function)
         def called(*values: Arguments.args, **keys: Arguments.kwargs) -> Returned:
             if former and not former.keys().isdisjoint(keys):
                 keys = renamed(keys, former, title)  # type: ignore[assignment]
-            placed = ordered[: len(values)]
+            count = len(values) - bound
+            placed = ordered[:count]
             wrong = list(_by_name(keys, [] if takes_any else names, placed, title))
-            if len(values) > len(ordered):
+            if count > len(ordered):
                 places = f"takes {', '.join(ordered)} in this order, others by name"
-                wrong.append(f"{title}: got {len(values)} arguments without a name; {places}")
+                wrong.append(f"{title}: got {count} arguments without a name; {places}")
             wrong += [
                 f"{name}: missing; {title} takes {', '.join(names)}"
                 for name in required

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from difflib import get_close_matches
 from functools import cache
 from importlib import import_module
-from inspect import CO_VARKEYWORDS, Parameter, Signature
+from inspect import CO_VARKEYWORDS, Parameter, Signature, unwrap
 from itertools import chain
 from operator import is_
 from pathlib import Path
@@ -67,7 +67,7 @@ class _Shown(_ModelMetaclass):
     @property
     def __signature__(self) -> Signature | None:
         cls = cast("type[Section]", self)
-        if not cls.__init__.__code__.co_flags & CO_VARKEYWORDS:
+        if not unwrap(cls.__init__).__code__.co_flags & CO_VARKEYWORDS:
             return None  # the one of __init__
         ordered, word = cls._in_order(), cls._word()
         fields = {name: field for name, field in cls.fields().items() if name not in (word, *ordered)}

@@ -40,7 +40,7 @@ def random_body(rng):
     key = ("shear_modulus", "shear_modulus", "material")
     kind = rng.integers(3)
     base = Halfspace(**{key[kind]: bases[kind]}, poisson=float(rng.choice([0.5, 0.3])))
-    return LayerStack(layers, accuracy=1e-6, base=base)
+    return LayerStack(layers, accuracy=1e-6, halfspace=base)
 
 
 def error_within_reach(found, rng):

@@ -197,7 +197,7 @@ def test_layers_of_a_stack_and_a_counterbody_merge_their_modes_within_the_bound(
 
     def pair(**keys):
         bases = (Halfspace(shear_modulus=modulus) for modulus in (np.inf, 3.0))
-        two = (LayerStack(layers, base=base, **keys) for base in bases)
+        two = (LayerStack(layers, halfspace=base, **keys) for base in bases)
         return Pair(*two).spectrum(np.linspace(1.0, 60.0, 20))
 
     found, whole, s = pair(accuracy=1e-4), pair(), 0.3j
