@@ -52,8 +52,9 @@ def plot(
     Parameters
     ----------
     data : xarray.Dataset, path, Body, Config, or a result of a fit or of `converge`
-        Data of `run`, `solve`, `indent`, `leakage`, `inside`, `open_case` or `open_results`; a results folder
-        or the file of a case; a body or a configuration, of which the body is drawn.
+        Data of `run`, `solve`, `indent`, `leakage`, `open_case` or `open_results`, or those of a contact
+        merged with those of `inside`; a results folder or the file of a case; a body or a configuration, of
+        which the body is drawn.
     kind : str, optional
         Of results: curves (default), loop, snapshots, stick, inside, waterfall or map, as of
         `gfmdlayer plot`. Other data have one kind of picture.
@@ -159,6 +160,9 @@ def _as_results(data: xarray.Dataset, kind: Any) -> tuple[xarray.Dataset, Any]:
         return data, "flow"
     if "time" in data.dims or "fitted" in data.attrs or "case" in data.coords:
         return data, kind
+    if "stress_zz" in data and "pressure" not in data:
+        remedy = "must have both: contact.merge(below) of `contact` and what `inside` gave for it, `below`"
+        raise ConfigError([f"data: got stresses without the contact above them; {remedy}"])
     if "stress_zz" in data and "z" in data["stress_zz"].dims:
         whole = data if "snapshot" in data.dims else data.expand_dims(snapshot=[0.0])
         return whole, kind or "inside"

@@ -94,10 +94,12 @@ def _of_file(shape: Topography, points: Any, period: Any) -> GivenSurface:
             if axis.length is not None
         ]
         sizes = [*shape.size] * (1 if len(shape.size) == axes else axes) if shape.size else own
-        if len(sizes) < axes and period is None:
-            raise ConfigError(
-                [f"period: missing; {shape.file} does not say the size of the surface; give period"]
-            )
+        if len(sizes) < axes:
+            if period is None:
+                lacks = f"{shape.file} does not say the size of the surface"
+                raise ConfigError([f"period: missing; give it, as {lacks}"])
+            sizes = []
+
         sized = _sized(shape, sizes, unit.symbol if unit else "", points or scan.shape, period)
         lengths = tuple(numbers_in(sized.period).tolist())
         cell = Cell(tuple(np.atleast_1d(sized.points).tolist()), lengths * (axes // len(lengths)))
