@@ -126,7 +126,7 @@ REFUSED = {
     "two prescribed": ({"depth": 1, "force": 1}, "solve: got depth and force; must be one of"),
     "a negative force": ({"force": -1}, "force: got -1; must be a number >= 0, finite"),
     "no number": ({"mean_pressure": np.nan}, "mean_pressure: got .nan; must be a number >= 0"),
-    "a list": ({"depth": [0.01]}, "depth: got [0.01]; must be a number >= 0, finite"),
+    "no load of several": ({"depth": []}, "depth: got []; must be a number >= 0, finite, or several"),
     "rows of two lengths": ({"depth": [[1], [1, 2]]}, "depth: got a list of 2; must be a number >= 0"),
     "too deep": ({"depth": 1.0}, "depth: got 1 with this punch and a body whose mean height cannot change"),
     "few points": ({"depth": 0.01, "points": 4}, "points: got 4; must be a whole number >= 8"),
@@ -136,7 +136,7 @@ REFUSED = {
     ),
     "an unknown option": (
         {"depth": 0.01, "tolerence": 1},
-        "tolerence: unknown argument; allowed: depth, mean_pressure, force, period, points, interface, ",
+        "tolerence: unknown argument; solve takes body, punch, depth, mean_pressure, force, period, ",
     ),
     "an unknown method": ({"depth": 0.01, "method": "fir"}, "method: got the text 'fir'; must be one of"),
     "a punch that does not fit": (
