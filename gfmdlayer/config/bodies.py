@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 from pydantic import Field
 
-from gfmdlayer.body.bodies import BODIES, BODY
+from gfmdlayer.body.bodies import BODIES, BODY, keys_in_memory
 from gfmdlayer.body.layer import Halfspace, Layer, StackedLayer, StackedLayers
 from gfmdlayer.body.layers import Layers
 from gfmdlayer.body.materials import Elastic
@@ -42,11 +42,13 @@ def in_keys(data: Mapping[str, Any]) -> dict[str, Any]:
                 raise ConfigError([f"body: given beside {', '.join(beside)}; remove one of the two"])
             del made[key]
             made |= body.keys() if key == "body" else {key: body.keys()}
-        elif isinstance(body, Solid) and (body.kind in BODIES or hasattr(body, "file")):
-            made[key] = body if key == "body" else {"body": body}
+        elif isinstance(body, Solid):
+            known = body.kind in BODIES or hasattr(body, "file")
+            keys = body.model_dump(exclude_unset=True) if known else keys_in_memory(body)
+            made[key] = keys if key == "body" else {"body": keys}
         else:
             allowed = "must be a body such as halfspace(...), or its keys, such as {file: mine.py, ...}"
-            taken = "; gfmdlayer.Case(config, body=...) takes a body of a class of your own"
+            taken = "; a class of your own derives from Solid"
             raise ConfigError([f"{key}: got {type(body).__name__}; {allowed}{taken}"])
     return made
 

@@ -18,12 +18,13 @@ from contextlib import AbstractContextManager, ExitStack, contextmanager
 from functools import partial
 from multiprocessing import current_process, parent_process
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, NoReturn
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from gfmdlayer.arrays import unmasked
+from gfmdlayer.body.bodies import is_in_memory
 from gfmdlayer.case.accuracy import accuracy
 from gfmdlayer.case.model import ConvergenceError, model_of
 from gfmdlayer.case.notes import notes
@@ -132,6 +133,8 @@ def on_disk(config: Config, folder: Path) -> Config:
     keys: dict[str, Any] = {}
     held = {key: file for key, file in files_named(config).items() if isinstance(file, MemoryFile)}
     for key, file in held.items():
+        if is_in_memory(file):
+            _refuse_class(key, "in a folder")
         path = folder.absolute() / file.name
         if not path.exists():
             folder.mkdir(parents=True, exist_ok=True)
@@ -442,9 +445,20 @@ def run(
         raise ConfigError([f"out: got {shown(out)}; must be the name of a folder"])
     keys = {key.replace("__", "."): value for key, value in values.items()}
     cases = checked(partial(configuration, config, punch, history, keys, trust))
+    if jobs > 1:
+        for key, file in files_named(cases.config).items():
+            if is_in_memory(file):
+                _refuse_class(key, "with several jobs")
     if out is not None:
         return _run_in_folder(cases, Path(out), progress, jobs, threads)
     return _run_in_memory(cases, progress, jobs, threads)
+
+
+def _refuse_class(key: str, where: str) -> NoReturn:
+    """Raise a ConfigError for a body of a class that no file defines, where other processes need it."""
+    key = key.removesuffix(".file")
+    message = f"{key}: got a class of this session, which runs {where} cannot read"
+    raise ConfigError([f"{message}; must be in a file: {{file: mine.py, ...}}"])
 
 
 def check_jobs(jobs: object, threads: object = 1) -> None:

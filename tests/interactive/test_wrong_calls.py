@@ -15,8 +15,8 @@ FREE = "layer.material.G"
 RAMP = [0, 1], [0, 0.01]
 
 
-class Foam(g.Solid):
-    """A body of a class of the user's own, which no file defines."""
+class Foam:
+    """A body of a class of the user's own, which is no `Solid`."""
 
     @property
     def mean_stiffness(self):
@@ -32,7 +32,7 @@ class Foam(g.Solid):
 # Call, then words of the message: the argument and what came; what is allowed.
 WRONG = {
     # runs
-    "body of another class": (lambda: g.run(SHORT, body=Foam()), "body: got Foam", "halfspace(...), or its keys"),
+    "body of another class": (lambda: g.run(SHORT, body=Foam()), "body: got Foam", "a class of your own derives from Solid"),
     "body as a word": (lambda: g.run(SHORT, body="rubber"), "body: got str", "must be a body such as halfspace"),
     "two bodies": (lambda: g.Config(name="a", layer={}, body=HALF), "body: given beside layer", "remove one of the two"),
     "punch as a number": (lambda: g.run(SHORT, punch=5.0), "punch: ", "must be 64, as the grid"),
