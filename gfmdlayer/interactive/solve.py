@@ -421,8 +421,8 @@ def _without_friction(given: _Asked) -> xarray.Dataset:
             raise _TooWideError(beyond, problem, solution)
         reach.remember(solution.pressure, noise)
         given.warn(reach)
+    contact.imprint.remember(solution)
     if given.more:
-        contact.imprint.remember(solution)
         start = getattr(solution, contact.solver.starts_from)
         contact.guess.remember(given.number, start, solution.gap, at_breakpoint=True)
     points = int(in_contact(problem, solution).sum())
@@ -431,6 +431,8 @@ def _without_friction(given: _Asked) -> xarray.Dataset:
     surface = loading.surface(solution, kappa, nothing, 0.0)
     _warn_of_strain(body, grid, kappa, solution, surface.depth)
     parts = _parts(contact.parts, surface, glassy=given.glassy) if reach is None else {}
+    if contact.imprint.yields:
+        parts |= {"imprint": contact.imprint.depth}
     return _dataset(given, problem, solution, surface, reach, parts)
 
 
@@ -559,14 +561,12 @@ def _dataset(
 ) -> xarray.Dataset:
     """Return fields and scalars of a solution; an isolated contact has a `reach`."""
     touching, grid = in_contact(problem, solution), given.grid
-    imprint = {} if solution.flow is None else {"imprint": solution.flow}
     extent = contact_extent(touching, solution.wall_pressure, solution.gap, grid)
     fields = {
         "displacement": surface.displacement,
         "pressure": solution.pressure,
         "gap": np.where(touching, 0.0, solution.gap),
         "contact": touching,
-        **imprint,
         **parts,
     }
     scalars = {

@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gfmdlayer.files.tables import TableError
-from gfmdlayer.files.units import unit_of
 from gfmdlayer.interactive.one_contact import numbers_in
 from gfmdlayer.punch.measured import Topography
 from gfmdlayer.punch.scan import length_unit
@@ -26,7 +25,8 @@ from gfmdlayer.validation.problems import ConfigError, shown
 
 Punch = Any  # see `surface_of`
 POINTS = 1024  # of a line, where neither `points` nor the surface says how many
-_SAME = 1e-6  # relative: spacings and periods that are equal
+_SAME = 1e-6  # relative: spacings of the same grid
+_AGREE = 1e-3  # relative: a period and a size, which headers round
 _FORMS = (
     "must be heights as an array, a DataArray or a function of x[, y], the file of a surface, or a shape "
     "such as Sphere(radius=1.0), or its keys"
@@ -47,7 +47,10 @@ class GivenSurface(NamedTuple):
 def surface_of(punch: Any, points: Any, period: Any) -> GivenSurface:
     """Return a punch with its grid; ConfigError for what is none, or a grid that is not the surface's."""
     if isinstance(punch, Mapping) and punch.get("shape") == "topography":
-        punch = Topography(**{key: value for key, value in punch.items() if key != "shape"})
+        try:
+            punch = Topography(**punch)
+        except ConfigError as error:
+            raise ConfigError(f"punch.{problem}" for problem in error.problems) from None
     if isinstance(punch, str | os.PathLike):
         punch = _named(punch)
     if isinstance(punch, Topography):
@@ -88,8 +91,9 @@ def _of_file(shape: Topography, points: Any, period: Any) -> GivenSurface:
         units = [axis.unit for axis in scan.axes] + [scan.unit]
         word = shape.unit if isinstance(shape.unit, str) else ""
         unit = next(filter(None, units), length_unit(word) if word else None)
+        scale = shape.unit if isinstance(shape.unit, float | int) else 1.0  # of lengths without a unit
         own = [
-            axis.length * (axis.unit.size / unit.size if axis.unit and unit else 1.0)
+            axis.length * (axis.unit.size / unit.size if axis.unit and unit else scale)
             for axis in scan.axes
             if axis.length is not None
         ]
@@ -99,7 +103,6 @@ def _of_file(shape: Topography, points: Any, period: Any) -> GivenSurface:
                 lacks = f"{shape.file} does not say the size of the surface"
                 raise ConfigError([f"period: missing; give it, as {lacks}"])
             sizes = []
-
         sized = _sized(shape, sizes, unit.symbol if unit else "", points or scan.shape, period)
         lengths = tuple(numbers_in(sized.period).tolist())
         cell = Cell(tuple(np.atleast_1d(sized.points).tolist()), lengths * (axes // len(lengths)))
@@ -112,7 +115,8 @@ def _of_file(shape: Topography, points: Any, period: Any) -> GivenSurface:
 def _sized(heights: Any, sizes: Any, unit: str, points: Any, period: Any) -> GivenSurface:
     """Return heights on a surface of known size; ConfigError for another period."""
     sizes = tuple(float(each) for each in sizes or ())
-    if sizes and period is not None and not np.allclose(numbers_in(period), sizes, rtol=1e-3, atol=0.0):
+    given = sizes if period is None else numbers_in(period)
+    if sizes and (len(given) not in {1, len(sizes)} or not np.allclose(given, sizes, rtol=_AGREE, atol=0.0)):
         words = f"{' x '.join(f'{each:g}' for each in sizes)} {unit}".rstrip()
         raise ConfigError([f"period: got {shown(period)}, but the surface has {words}; remove it"])
     values = heights if isinstance(heights, Shape) else numbers(heights)
@@ -127,16 +131,20 @@ def _of_array(heights: Any, points: Any, period: Any) -> GivenSurface:
             [f"punch: got a DataArray over {', '.join(dims) or 'nothing'}; must be over x, or x and y"]
         )
     dims = [name for name in ("x", "y") if name in dims] if {*dims} <= {"x", "y"} else dims
-    sizes, units = [], []
+    if not {*dims} <= heights.coords.keys():
+        return surface_of(heights.transpose(*dims).to_numpy(), points, period)
+    heights, sizes = heights.sortby(dims), []
+    units = [str(each.attrs.get("units", "")) for each in (heights, *(heights[name] for name in dims))]
     for name in dims:
-        if name not in heights.coords:
-            return surface_of(heights.transpose(*dims).to_numpy(), points, period)
         steps = np.diff(heights[name].to_numpy().astype(float))
-        if not (steps.size and steps[0] > 0 and np.allclose(steps, steps[0], rtol=_SAME, atol=0.0)):
-            raise ConfigError([f"punch: {name} must ascend in equal steps, as the grid does"])
+        if not (steps.size and np.allclose(steps, steps[0], rtol=_SAME, atol=0.0) and steps[0] > 0):
+            raise ConfigError([f"punch: got unequal steps of {name}; must be equal, as those of the grid"])
         sizes.append(float(steps[0]) * (steps.size + 1))
-        units.append(str(heights[name].attrs.get("units", "")))
-    own, length = unit_of(str(heights.attrs.get("units", ""))), unit_of(units[0])
-    factor = float(own.size / length.size) if own and length and own.dimension == length.dimension else 1.0
-    name = units[0] if length is not None else ""
-    return _sized(factor * heights.transpose(*dims).to_numpy(), sizes, name, points, period)
+    known = [length_unit(unit) for unit in units]
+    if any(units) and not (all(known) and len({*units[1:]}) == 1):
+        words = ", ".join(
+            f"{name} in {unit or 'no unit'}" for name, unit in zip(("heights", *dims), units, strict=True)
+        )
+        raise ConfigError([f"punch: got {words}; must be lengths, x and y in one unit, or all without units"])
+    factor = known[0].size / known[1].size if known[0] and known[1] else 1.0
+    return _sized(factor * heights.transpose(*dims).to_numpy(), sizes, units[1], points, period)

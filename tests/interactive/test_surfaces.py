@@ -45,6 +45,7 @@ def file_of_columns(folder):
 SURFACES = {
     "DataArray": lambda _: array(),
     "DataArray over y, x": lambda _: array().transpose("y", "x"),
+    "DataArray backwards": lambda _: array().isel(x=slice(None, None, -1)),
     "file": file_of_columns,
     "name of a file": lambda folder: str(file_of_columns(folder)),
     "Topography": lambda folder: gfmdlayer.Topography(file=file_of_columns(folder)),
@@ -79,6 +80,35 @@ def test_another_period_than_the_surface_has_is_refused(tmp_path):
         solve(HALF, tmp_path / "bare.npy", mean_pressure=0.01)
     found = solve(HALF, tmp_path / "bare.npy", mean_pressure=LOADS, period=(12.0, 16.0))
     assert np.allclose(found.pressure, by_hand().pressure, rtol=0, atol=1e-12)
+
+
+def test_units_that_do_not_agree_are_refused():
+    for units, said in (
+        ("", "heights in no unit, x in um, y in um"),
+        ("Pa", "heights in Pa, x in um, y in um"),
+    ):
+        with pytest.raises(ConfigError, match=f"punch: got {said}; must be lengths"):
+            solve(HALF, array(units=units), mean_pressure=0.01)
+    uneven = array().assign_coords(x=("x", X**1.1, {"units": "um"}))
+    with pytest.raises(ConfigError, match="punch: got unequal steps of x; must be equal"):
+        solve(HALF, uneven, mean_pressure=0.01)
+    with pytest.raises(ConfigError, match=r"punch\.fil: unknown key"):
+        solve(HALF, {"shape": "topography", "fil": "a.txt"}, mean_pressure=0.01)
+
+
+def test_an_imprint_is_that_of_all_loads_before():
+    """Unloading adds nothing to the imprint: stresses stay below the hardness."""
+    keys = {"law": "hard_wall", "hardness": 0.5}
+    rough = SelfAffine(hurst=0.8, rms_slope=0.5, short_cutoff=0.1, seed=1)
+    how = {"punch": rough, "points": (32, 32), "interface": keys}
+    found = solve(HALF, **how, mean_pressure=[0.05, 0.02, 0.05])
+    first = found.imprint.isel(mean_pressure=0)
+    assert float(first.max()) > 0
+    assert np.array_equal(found.imprint.isel(mean_pressure=1), first)
+    alone = solve(HALF, **how, mean_pressure=0.05)
+    assert np.allclose(first, alone.imprint, rtol=0, atol=1e-12)
+    again = found.imprint.isel(mean_pressure=2)
+    assert np.allclose(again, first, rtol=0, atol=1e-3 * float(first.max()))  # elastic up to the load before
 
 
 def test_several_loads_are_the_contacts_one_by_one():
