@@ -87,8 +87,8 @@ def _place(document: text.Document, problem: str) -> text.Place:
 def _wrong_keys(keys: Any) -> Iterator[str]:
     """Yield errors in the form of the free parameters and their bounds."""
     if not isinstance(keys, (list, tuple, Mapping)) or not keys:
-        got = f"got {shown(keys)}; " if keys else ""
-        yield f"free: {got}name a parameter at least, such as layer.material.G0, in the model or with --free"
+        wanted = "name at least one parameter, such as layer.material.G0, in the model or with --free"
+        yield f"free: got {shown(keys)}; {wanted}" if keys else f"free: {wanted}"
         return
     for key in keys:
         if not isinstance(key, str):

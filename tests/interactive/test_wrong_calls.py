@@ -111,7 +111,7 @@ WRONG = {
     "constants of a shift": (lambda: g.WLF(1, 2), "WLF: got 2 values without a name", "takes reference, C1, C2 by name"),
     # fits
     "body as a model": (lambda: g.fit_indentation(CURVE, HALF, "G"), "model: got an object of the type ViscoelasticLayer", "must be a mapping of a body and a punch"),
-    "free as a number": (lambda: g.fit_indentation(CURVE, MODEL, 5), "free: got 5", "name a parameter at least"),
+    "free as a number": (lambda: g.fit_indentation(CURVE, MODEL, 5), "free: got 5", "name at least one parameter"),
     "another modulus": (lambda: g.fit_indentation(CURVE, MODEL, "layer.material.H"), "free: layer.material.H: unknown key", "did you mean 'layer.material.G'"),
     "bounds as a number": (lambda: g.fit_indentation(CURVE, MODEL, {FREE: 5.0}), f"free: {FREE}: got 5.0", "give two finite numbers"),
     "one depth": (lambda: g.fit_indentation(CURVE, MODEL, FREE, range=5.0), "range: got 5.0", "must be two depths, the lower one first"),
