@@ -1,10 +1,28 @@
 """Contact of a rigid punch with a viscoelastic layer on an elastic halfspace, by GFMD.
 
-The public names; each is imported when it is first used, so that ``import gfmdlayer`` costs nothing.
+One contact      solve: a periodic or isolated contact of any surface
+                 indent: an isolated punch of revolution over time
+Runs, sweeps     run, load, Config; Case, simulate: parts of your own
+                 converge: how sure the numbers are
+Results          open_results, open_case; leakage, inside; plot, and `.plot()` of a result
+Fits             fit_indentation, fit_map, ForceCurve, design_indentation; fit_material
+Bodies           halfspace, bonded_layer; Layer, Halfspace, LayerStack, Pair
+                 Anisotropic, Lattice, Tabulated; Solid: of your own
+Materials        Elastic, Zener, Prony, PowerLaw, FractionalZener, HavriliakNegami, Kohlrausch
+                 shifts: WLF, Arrhenius
+Punches          Parabola, Sphere, Cylinder, Flat, Cone, BluntedCone, Wedge, Pyramid, Sinusoid
+                 rough: SelfAffine, Topography; of indent alone: FlatPunch, RadialProfile
+Interfaces       Exponential, Dugdale, LennardJones, Electrostatic
+Errors           GfmdlayerError: ConfigError, ConvergenceError, FitError, FolderError, ResultsError
+Formulas         LayeredHalfspace, ViscoelasticLayer, relaxation_spectrum, Spectrum, Wavevectors
+
+`help(gfmdlayer.solve)` explains a name. The names are imported when they are first used, so that
+``import gfmdlayer`` costs nothing.
 """
 
 from __future__ import annotations
 
+import sys
 from importlib import import_module
 from typing import TYPE_CHECKING
 
@@ -13,7 +31,7 @@ if TYPE_CHECKING:
     from gfmdlayer.body.closed_form import LayeredHalfspace, relaxation_spectrum
     from gfmdlayer.body.continuous import FractionalZener, HavriliakNegami, Kohlrausch, PowerLaw
     from gfmdlayer.body.lattice import Lattice
-    from gfmdlayer.body.layer import Layer
+    from gfmdlayer.body.layer import Halfspace, Layer
     from gfmdlayer.body.layers import LayerStack, ViscoelasticLayer, bonded_layer, halfspace
     from gfmdlayer.body.materials import Elastic, Prony, Zener
     from gfmdlayer.body.pair import Pair
@@ -26,10 +44,13 @@ if TYPE_CHECKING:
     from gfmdlayer.case.model import ConvergenceError, simulate
     from gfmdlayer.config import Config, ConfigError, load
     from gfmdlayer.convergence.converge import converge
+    from gfmdlayer.errors import GfmdlayerError
+    from gfmdlayer.figures.pictures import plot
     from gfmdlayer.fitting.design import design_indentation
     from gfmdlayer.fitting.force_curve import ForceCurve
     from gfmdlayer.fitting.indentation import fit_indentation
     from gfmdlayer.fitting.material import fit_material
+    from gfmdlayer.fitting.measurement import FitError
     from gfmdlayer.indentation.indent import indent
     from gfmdlayer.interactive.fit_map import fit_map
     from gfmdlayer.interactive.inside import inside
@@ -37,6 +58,7 @@ if TYPE_CHECKING:
     from gfmdlayer.interactive.run import run
     from gfmdlayer.interactive.solve import solve
     from gfmdlayer.interface.adhesion import Dugdale, Electrostatic, Exponential, LennardJones
+    from gfmdlayer.punch.measured import Topography
     from gfmdlayer.punch.self_affine import SelfAffine
     from gfmdlayer.punch.simple_shapes import (
         BluntedCone,
@@ -51,18 +73,21 @@ if TYPE_CHECKING:
         Sphere,
         Wedge,
     )
+    from gfmdlayer.results.names import ResultsError
     from gfmdlayer.results.reader import open_case, open_results
+    from gfmdlayer.study.folder import FolderError
 
 __all__ = [
     "WLF", "Anisotropic", "Arrhenius", "BluntedCone", "Case", "Cone", "Config", "ConfigError",
-    "ConvergenceError", "Cylinder", "Dugdale", "Elastic", "Electrostatic", "Exponential", "Flat",
-    "FlatPunch", "ForceCurve", "FractionalZener", "HavriliakNegami", "Kohlrausch", "Lattice", "Layer",
-    "LayerStack", "LayeredHalfspace", "LennardJones", "Pair", "Parabola", "PowerLaw", "Prony", "Pyramid",
-    "RadialProfile", "SelfAffine", "Sinusoid", "Solid", "Spectrum", "Sphere", "Tabulated",
-    "ViscoelasticLayer", "Wavevectors", "Wedge", "Zener", "bonded_layer", "converge", "design_indentation",
-    "fit_indentation", "fit_map", "fit_material", "halfspace",
-    "indent", "inside", "leakage", "load", "open_case", "open_results", "relaxation_spectrum", "run",
-    "simulate", "solve",
+    "ConvergenceError", "Cylinder", "Dugdale", "Elastic", "Electrostatic", "Exponential", "FitError",
+    "Flat", "FlatPunch", "FolderError", "ForceCurve", "FractionalZener", "GfmdlayerError", "Halfspace",
+    "HavriliakNegami", "Kohlrausch", "Lattice", "Layer", "LayerStack", "LayeredHalfspace",
+    "LennardJones", "Pair", "Parabola", "PowerLaw", "Prony", "Pyramid", "RadialProfile", "ResultsError",
+    "SelfAffine", "Sinusoid", "Solid", "Spectrum", "Sphere", "Tabulated", "Topography",
+    "ViscoelasticLayer", "Wavevectors", "Wedge", "Zener", "bonded_layer", "converge",
+    "design_indentation", "fit_indentation", "fit_map", "fit_material", "halfspace", "indent", "inside",
+    "leakage", "load", "open_case", "open_results", "plot", "relaxation_spectrum", "run", "simulate",
+    "solve",
 ]  # fmt: skip
 
 _MODULES = {
@@ -91,7 +116,13 @@ _MODULES = {
     "gfmdlayer.body.lattice": ("Lattice",),
     "gfmdlayer.body.tabulated": ("Tabulated",),
     "gfmdlayer.body.closed_form": ("LayeredHalfspace", "relaxation_spectrum"),
-    "gfmdlayer.body.layer": ("Layer",),
+    "gfmdlayer.errors": ("GfmdlayerError",),
+    "gfmdlayer.figures.pictures": ("plot",),
+    "gfmdlayer.fitting.measurement": ("FitError",),
+    "gfmdlayer.punch.measured": ("Topography",),
+    "gfmdlayer.results.names": ("ResultsError",),
+    "gfmdlayer.study.folder": ("FolderError",),
+    "gfmdlayer.body.layer": ("Halfspace", "Layer"),
     "gfmdlayer.body.layers": ("LayerStack", "ViscoelasticLayer", "bonded_layer", "halfspace"),
     "gfmdlayer.body.materials": ("Elastic", "Prony", "Zener"),
     "gfmdlayer.body.continuous": ("FractionalZener", "HavriliakNegami", "Kohlrausch", "PowerLaw"),
@@ -101,14 +132,24 @@ _MODULES = {
     "gfmdlayer.body.solid": ("Solid",),
     "gfmdlayer.body.wavevectors": ("Wavevectors",),
 }  # fmt: skip
+_FRAMES_OF_HELP = 4  # from `docmodule` of pydoc to `__dir__`
 _HOME = {name: module for module, names in _MODULES.items() for name in names}
 
 
 def __getattr__(name: str) -> object:
     if name not in _HOME:
-        raise AttributeError(f"module 'gfmdlayer' has no attribute {name!r}")
+        from gfmdlayer.validation.problems import nearest
+
+        hint = "" if name.startswith("_") else nearest(name, __all__)
+        raise AttributeError(f"module 'gfmdlayer' has no attribute {name!r}{hint}")
     return getattr(import_module(_HOME[name]), name)
 
 
 def __dir__() -> list[str]:
+    """Return the public names; none where `help` asks, whose pages of all names would hide those above."""
+    frame, depth = sys._getframe(), 0
+    while frame.f_back is not None and depth < _FRAMES_OF_HELP:
+        frame, depth = frame.f_back, depth + 1
+        if frame.f_code.co_name == "docmodule":
+            return []
     return __all__

@@ -132,7 +132,7 @@ def _root(
     rim, radius, *pieces = profile
     punch = Revolution(rim, radius, *(np.array(each) for each in pieces))
     layer, base = 1 / (2 * (1 + nu)), E_base / (2 * (1 + nu_base))
-    made = bonded_layer(t, layer, poisson=nu, base=base, base_poisson=nu_base)
+    made = bonded_layer(t, layer, poisson=nu, halfspace=base, halfspace_poisson=nu_base)
     depths = deepest * np.linspace(0, 1, DEPTHS) ** 1.5
     history = History(depths / deepest, depths)
     force = on_steps(made, find_space(made, punch, history), punch, history, history.time).force

@@ -493,9 +493,7 @@ def loops() -> None:
         picture = new_figure(2, 75.0)
         left, right = picture.subplots(1, 2)
         shades = colours(4)
-        jkr = gfmdlayer.indent(
-            elastic, sphere, [0, 1, 3], depth=[0, 0.05, -0.05], work_of_adhesion=0.01, tolerance=1e-5
-        )
+        jkr = gfmdlayer.indent(elastic, sphere, [0, 1, 3], depth=[0, 0.05, -0.05], work=0.01, tolerance=1e-5)
         for speed, shade, label in (
             (1e-4, shades[0], "slow"),
             (0.01, shades[1], "medium"),
@@ -504,7 +502,7 @@ def loops() -> None:
             duration = 0.05 / speed
             found = gfmdlayer.indent(
                 body, sphere, [0, duration, 13 * duration], depth=[0, 0.05, -0.55],
-                work_of_adhesion=0.01, edge_speed=0.01,
+                work=0.01, edge_speed=0.01,
             )  # fmt: skip
             shown = np.flatnonzero(found.contact_radius.values > 0)[-1] + 2
             name = f"{label}: {speed:g} R/τ"

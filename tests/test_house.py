@@ -14,7 +14,7 @@ FILES = sorted(PACKAGE.rglob("*.py"))
 
 # Bottom first: a room, or a module beside the rooms, imports only what stands before it.
 ORDER = (
-    "arrays", "resumable", "made_once", "files", "kernels", "validation", "body", "grid", "punch",
+    "errors", "arrays", "resumable", "made_once", "files", "kernels", "validation", "body", "grid", "punch",
     "time_functions", "interface", "step", "contact", "friction", "history", "transport", "config", "drives",
     "observables", "results", "figures", "case", "indentation",
     "study", "fitting", "nanite", "interactive", "convergence", "verification", "cli", "__main__", "__init__",

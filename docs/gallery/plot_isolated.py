@@ -13,7 +13,7 @@ import numpy as np
 
 import gfmdlayer
 
-body = gfmdlayer.bonded_layer(0.1, gfmdlayer.Zener(G0=1.0, Ginf=10.0, tau=1.0), poisson=0.45, base=5.0)
+body = gfmdlayer.bonded_layer(0.1, gfmdlayer.Zener(G0=1.0, Ginf=10.0, tau=1.0), poisson=0.45, halfspace=5.0)
 exact = gfmdlayer.indent(body, gfmdlayer.Parabola(radius=1.0), [0, 1, 4, 5], depth=[0, 0.01, 0.01, 0])
 radius = float(exact.contact_radius.max())
 

@@ -18,6 +18,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import replace
+from pathlib import Path
 from types import ModuleType
 from typing import Any, ClassVar
 
@@ -25,6 +26,8 @@ from pydantic import ConfigDict, GetCoreSchemaHandler, SerializationInfo, Valida
 from pydantic_core import CoreSchema, core_schema
 
 from gfmdlayer.body.solid import Solid
+from gfmdlayer.errors import GfmdlayerError
+from gfmdlayer.files.cache import MemoryFile
 from gfmdlayer.validation.fields import File
 from gfmdlayer.validation.problems import InconsistentError, Mistake
 from gfmdlayer.validation.sections import OneOf, Section, explained, keys_of_files, load_table
@@ -118,6 +121,21 @@ def _of_file(value: Any) -> Solid:
     return body
 
 
+def keys_in_memory(body: Solid) -> dict[str, Any]:
+    """Return the keys of a body whose class no file defines; only this process can read them."""
+    own = type(body)
+    file = MemoryFile(f"{own.__name__}-{id(own):x}.py", f"# {own.__qualname__} of {own.__module__}".encode())
+    code = file.contents, str(file)
+    if code not in _run:
+        _run[code] = _of_code(own, *code)
+    return {"file": file, **body.model_dump(exclude_unset=True, exclude={"kind"})}
+
+
+def is_in_memory(path: Path) -> bool:
+    """Whether a file stands for a class that no file defines."""
+    return isinstance(path, MemoryFile) and path.suffix == ".py"
+
+
 def _restored(source: bytes, path: str, state: Any) -> Solid:
     section = body_class(source, path)
     body = section.__new__(section)
@@ -139,7 +157,7 @@ def code_refused(refused: bool = True) -> Iterator[None]:
         _refused.reset(before)
 
 
-class CodeRefusedError(ValueError):
+class CodeRefusedError(GfmdlayerError, ValueError):
     """A body is code that is not run, because it is named by results."""
 
 
@@ -173,6 +191,10 @@ def _class_in(source: bytes, path: str) -> type[Solid]:
     if lacking := sorted(own.__abstractmethods__):
         line = inspect.getsourcelines(own)[1]
         raise ValueError(f"{path}:{line}: {own.__name__} lacks {', '.join(lacking)}; must define them")
+    return _of_code(own, source, path)
+
+
+def _of_code(own: type[Solid], source: bytes, path: str) -> type[Solid]:
     members = {"__module__": __name__, "__doc__": own.__doc__, "code": (source, path)}
     return type(own.__name__, (_OfFile, own), members)
 

@@ -9,6 +9,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, Protocol, cast
 
+from gfmdlayer.validation.problems import ConfigError
+
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
@@ -49,12 +51,12 @@ _MEMBERS = {
 }
 
 
-def check_body(body: object, *needed: str) -> None:
-    """Raise a TypeError that names the members of a `Body` which an object lacks."""
+def check_body(body: object, *needed: str, key: str = "body") -> None:
+    """Raise a ConfigError that names the members of a `Body` which an object lacks."""
     lacking = [f"no {_MEMBERS[name]}" for name in needed if not hasattr(body, name)]
     if lacking:
         example = "must be a body, such as halfspace(...) or bonded_layer(...)"
-        raise TypeError(f"body: {type(body).__name__} has {'; '.join(lacking)}; {example}")
+        raise ConfigError([f"{key}: {type(body).__name__} has {'; '.join(lacking)}; {example}"])
 
 
 def internal_variables(body: Body, waves: Wavevectors, laws: int) -> InternalVariables:

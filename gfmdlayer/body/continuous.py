@@ -143,7 +143,7 @@ class FractionalZener(_RelaxingLaw):
     >>> series = law.prony(shortest=0.01, longest=10.0, tolerance=1e-3)
     >>> len(series.material.maxwell_branches), series.error_in_time < 1e-3
     (7, True)
-    >>> body = gfmdlayer.bonded_layer(0.1, series.material, base=1.0)
+    >>> body = gfmdlayer.bonded_layer(0.1, series.material, halfspace=1.0)
     """
 
     model: Literal["fractional_zener"] = "fractional_zener"

@@ -18,7 +18,7 @@ from gfmdlayer.body.laws import LAWS
 from gfmdlayer.body.materials import Law, Material, Zener, contradicting, shear_modulus
 from gfmdlayer.validation import text
 from gfmdlayer.validation.fields import Extended, File, MustBe, given, strict
-from gfmdlayer.validation.problems import ConfigError, InconsistentError, Mistake
+from gfmdlayer.validation.problems import ConfigError, InconsistentError, Mistake, shown
 from gfmdlayer.validation.quantities import measured
 from gfmdlayer.validation.sections import (
     OneOf,
@@ -162,17 +162,21 @@ class Layer(Section):
     @alone
     def __init__(self, *values: Any, **keys: Any) -> None:
         """Make a layer from thickness, poisson and material, in this order or by name."""
-        parameters = dict(zip(Layer.model_fields, values, strict=False)) | keys
-        if len(parameters) < len(values) + len(keys):
-            raise TypeError(f"{type(self).__name__} takes each of {', '.join(Layer.model_fields)} once")
-        self._take(
-            {key: value if isinstance(value, Law) else plain(value) for key, value in parameters.items()}
-        )
+        named = self._named(values, keys)
+        if not isinstance(law := named.get("material", {}), Law | Mapping):
+            example = "such as Elastic(1.0) or Zener(), or its keys"
+            raise ConfigError([f"material: got {shown(law)}; must be a law of a material, {example}"])
+        self._take({key: value if isinstance(value, Law) else plain(value) for key, value in named.items()})
         if problems := list(contradictions(self)):  # in a configuration a sweep may replace the values
             raise ConfigError(map(str, problems))
         if self.material.units is not None:
             words = "material: its file has units, which a configuration converts"
             raise ConfigError([f"{words}; give the layer there as a mapping, or remove the units"])
+
+    @classmethod
+    def _in_order(cls) -> tuple[str, ...]:
+        """Return the keys whose values need no name, in their order."""
+        return tuple(Layer.model_fields)
 
     def problems(self) -> Iterator[Mistake]:
         """Refuse moduli that contradict each other or Poisson's ratio."""
@@ -189,13 +193,11 @@ class Layer(Section):
 
     @property
     def series(self) -> Material:
-        """The material as a spring beside Maxwell branches; TypeError for a continuous spectrum."""
+        """The material as a spring beside Maxwell branches; ConfigError for a continuous spectrum."""
         if not isinstance(self.material, Material):
             name = type(self.material).__name__
-            raise TypeError(
-                f"material: got {name}, a law with a continuous spectrum; must be a Prony series, such as "
-                "material.prony(shortest, longest).material"
-            )
+            allowed = "must be a Prony series, such as material.prony(shortest, longest).material"
+            raise ConfigError([f"material: got {name}, a law with a continuous spectrum; {allowed}"])
         return cast("Material", self.material)
 
 
@@ -210,7 +212,16 @@ StackedLayers = Annotated[tuple[StackedLayer, ...], Field(json_schema_extra={"mi
 
 
 class Halfspace(Section):
-    """The halfspace below: elastic, rigid (shear modulus .inf), absent (0), or of a material."""
+    """The halfspace below layers: elastic, rigid (shear modulus .inf), absent (0), or of a material.
+
+    As a body on its own it is `halfspace`.
+
+    Examples
+    --------
+    >>> base = gfmdlayer.Halfspace(young_modulus=3.0, poisson=0.5)
+    >>> gfmdlayer.Config(name="a", halfspace=base).solid.base.shear_modulus
+    1.0
+    """
 
     material: Annotated[Annotated[Law, MATERIALS] | None, given] = None
     """viscoelastic law of the base, in place of shear_modulus"""

@@ -7,9 +7,10 @@ some 50 times as long. Configurations are read without numpy, so that methods im
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from functools import cached_property, lru_cache
 from itertools import accumulate
+from numbers import Real
 from operator import is_
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
@@ -18,7 +19,8 @@ from pydantic import PrivateAttr
 from gfmdlayer.body.layer import Halfspace, Layer, StackedLayer
 from gfmdlayer.body.materials import Elastic, Law, Material
 from gfmdlayer.body.solid import LayerDepth, Relaxation, Solid
-from gfmdlayer.validation.problems import ConfigError, Mistake
+from gfmdlayer.validation.entry import entry
+from gfmdlayer.validation.problems import ConfigError, Mistake, shown
 from gfmdlayer.validation.sections import alone
 
 if TYPE_CHECKING:
@@ -44,7 +46,7 @@ class Layers(Solid):
     accuracy : float
         Relative error of K(q, s) up to which modes of the spectrum are merged; 0 keeps all. The closed forms
         of a single layer need no merging.
-    base : Halfspace, optional
+    halfspace : Halfspace, optional
         The halfspace below the layers by its keys, in place of `rigid`.
 
     Raises
@@ -73,6 +75,7 @@ class Layers(Solid):
     _base: Halfspace = PrivateAttr(default_factory=Halfspace)
     _accuracy: float = 0.0
 
+    @entry(base="halfspace")
     @alone
     def __init__(
         self,
@@ -80,20 +83,23 @@ class Layers(Solid):
         rigid: bool = False,
         accuracy: float = 0.0,
         *,
-        base: Halfspace | None = None,
+        halfspace: Halfspace | None = None,
     ) -> None:
         self._take({})
+        if not (isinstance(layers, Sequence) and all(isinstance(each, Layer) for each in layers)):
+            allowed = "must be a list of Layer(thickness, poisson, material), from the surface down"
+            raise ConfigError([f"layers: got {shown(layers)}; {allowed}"])
         self._above, self._accuracy = tuple(layer.in_shear for layer in layers), accuracy
-        if base is None:  # else the configuration has been checked
+        if halfspace is None:  # else the configuration has been checked
             _check(self._above, rigid=rigid)
-            base = Halfspace(shear_modulus=math.inf if rigid else 0.0)
-        self._base = base.in_shear
+            halfspace = Halfspace(shear_modulus=math.inf if rigid else 0.0)
+        self._base = halfspace.in_shear
 
     @classmethod
     @lru_cache(maxsize=16)  # sections never change, and a case asks for its body some twenty times
     def of(cls, layers: tuple[Layer, ...], base: Halfspace) -> Layers:
         """Return the body of the sections of a configuration, made once."""
-        return cls(layers, base=base)
+        return cls(layers, halfspace=base)
 
     def with_series(self, materials: Sequence[Material], accuracy: float) -> Layers:
         """Return the layers with a series for each of `laws`; a stack merges its modes to the accuracy."""
@@ -102,7 +108,7 @@ class Layers(Solid):
         merges_alike = accuracy == self._accuracy or self.closed_form is not None
         if merges_alike and base is self._base and all(map(is_, own, self._above)):
             return self
-        return Layers(own, accuracy=accuracy, base=base)
+        return Layers(own, accuracy=accuracy, halfspace=base)
 
     # The parts.
 
@@ -173,11 +179,17 @@ class Layers(Solid):
         """Show the layers."""
         yield from (("layers", self.layers), ("rigid", self.rigid), ("accuracy", self.accuracy))
 
+    def keys(self) -> dict[str, Any]:
+        """Return the keys of a configuration with these layers, which stand beside `body`."""
+        every = [layer.model_dump(exclude_none=True) for layer in self._above]
+        above = {"layer": every[0]} if len(every) == 1 else {"layers": every}
+        return above | {"halfspace": self._base.model_dump(exclude_none=True)}
+
     def model_dump(self, **options: Any) -> dict[str, Any]:
         """Return the keys below `body`; ConfigError for layers made in Python, whose keys stand beside it."""
         if self._above:
             name = type(self).__name__
-            message = "must be the keys layer, or layers, and halfspace; gfmdlayer.Case takes it as body"
+            message = "must be the keys layer, or layers, and halfspace here"
             raise ConfigError([f"body: got {name}; {message}"])
         return super().model_dump(**options)
 
@@ -322,7 +334,7 @@ class ViscoelasticLayer(Layers):
     ----------
     layer : LayeredHalfspace
         Thickness, Poisson's ratios and halfspace.
-    material : Material
+    material : Law
         Shear response of the layer.
 
     Examples
@@ -332,10 +344,11 @@ class ViscoelasticLayer(Layers):
     (3, 2)
     """
 
+    @entry()
     @alone
-    def __init__(self, layer: LayeredHalfspace, material: Material) -> None:
+    def __init__(self, layer: LayeredHalfspace, material: Law) -> None:
         base = Halfspace(shear_modulus=layer.bulk_modulus, poisson=layer.bulk_poisson)
-        super().__init__((Layer(layer.thickness, layer.poisson, material),), base=base)
+        super().__init__((Layer(layer.thickness, layer.poisson, material),), halfspace=base)
 
     @property
     def layer(self) -> LayeredHalfspace:
@@ -344,33 +357,38 @@ class ViscoelasticLayer(Layers):
         return self.closed_form
 
     @property
-    def material(self) -> Material:
+    def material(self) -> Law:
         """Shear response of the layer."""
-        return self._above[0].series
+        return self._above[0].material
 
 
+@entry(base="halfspace", base_poisson="halfspace_poisson")
 def bonded_layer(
     thickness: float,
-    material: Material | float,
+    material: Law | Mapping[str, Any] | float | None = None,
     *,
+    G: float | None = None,
+    young: float | None = None,
     poisson: float = 0.5,
-    base: float = math.inf,
-    base_poisson: float = 0.5,
+    halfspace: float = math.inf,
+    halfspace_poisson: float = 0.5,
 ) -> ViscoelasticLayer:
-    """Return a layer bonded to a base, as a body for `solve` and for plots of its stiffness.
+    """Return a layer bonded to a halfspace, as a body for `solve`, `indent`, `run` and plots.
 
     Parameters
     ----------
     thickness : float
-        d, from 0 (the bare base) to inf (a halfspace of the material).
-    material : Material or float
-        Law of the layer, or its shear modulus where it is elastic.
+        d, from 0 (the bare halfspace) to inf (a halfspace of the material).
+    material : Law, mapping or float
+        Law of the layer, its keys, or its shear modulus where it is elastic.
+    G, young : float
+        In place of `material`: shear modulus, or Young's modulus, of an elastic layer.
     poisson : float
         Poisson's ratio of the layer.
-    base : float
-        Shear modulus of the base: inf is rigid, 0 leaves the layer free.
-    base_poisson : float
-        Poisson's ratio of the base.
+    halfspace : float
+        Shear modulus of the halfspace below: inf is a rigid base, 0 leaves the layer free.
+    halfspace_poisson : float
+        Poisson's ratio of the halfspace below.
 
     Returns
     -------
@@ -385,7 +403,7 @@ def bonded_layer(
     --------
     The stiffness K(q, s), stress over displacement, of a layer under slow and under fast loads:
 
-    >>> body = gfmdlayer.bonded_layer(0.1, gfmdlayer.Zener(G0=1.0, Ginf=10.0, tau=2.0), base=1.0)
+    >>> body = gfmdlayer.bonded_layer(0.1, gfmdlayer.Zener(G0=1.0, Ginf=10.0, tau=2.0), halfspace=1.0)
     >>> q = np.array([1.0, 10.0, 100.0])
     >>> body.stiffness(q, 0.0) / q  # on a halfspace it is 2 G q
     array([2., 2., 2.])
@@ -397,22 +415,28 @@ def bonded_layer(
     >>> body.spectrum(q).times.shape, body.spectrum(q).weights.shape
     ((3, 3), (3, 3))
     """
-    if isinstance(material, Law) and not isinstance(material, Material):
-        message = f"got {type(material).__name__}, a law with a continuous spectrum; must be a Prony series"
-        raise ConfigError([f"material: {message}, such as material.prony(shortest, longest).material"])
     from gfmdlayer.body.closed_form import LayeredHalfspace
 
-    law = material if isinstance(material, Material) else Elastic(material)
-    return ViscoelasticLayer(LayeredHalfspace(thickness, poisson, base, base_poisson), law)
+    law = _law_given(material, {"G": G, "young": young})
+    return ViscoelasticLayer(LayeredHalfspace(thickness, poisson, halfspace, halfspace_poisson), law)
 
 
-def halfspace(material: Material | float, *, poisson: float = 0.5) -> ViscoelasticLayer:
+@entry()
+def halfspace(
+    material: Law | Mapping[str, Any] | float | None = None,
+    *,
+    G: float | None = None,
+    young: float | None = None,
+    poisson: float = 0.5,
+) -> ViscoelasticLayer:
     """Return a halfspace as a body.
 
     Parameters
     ----------
-    material : Material or float
-        Law of the halfspace, or its shear modulus where it is elastic.
+    material : Law, mapping or float
+        Law of the halfspace, its keys, or its shear modulus where it is elastic.
+    G, young : float
+        In place of `material`: shear modulus, or Young's modulus, of an elastic halfspace.
     poisson : float
         Poisson's ratio.
 
@@ -420,10 +444,30 @@ def halfspace(material: Material | float, *, poisson: float = 0.5) -> Viscoelast
     -------
     ViscoelasticLayer
 
+    Raises
+    ------
+    ConfigError
+        If a parameter is outside of its bounds.
+
     Examples
     --------
     >>> q = np.array([1.0, 2.0])
     >>> gfmdlayer.halfspace(3.0, poisson=0.25).stiffness(q, 0.0)  # q G/(1 - nu)
     array([4., 8.])
+    >>> gfmdlayer.halfspace(young=7.5, poisson=0.25).stiffness(q, 0.0)  # G = E/(2 (1 + nu))
+    array([4., 8.])
     """
-    return bonded_layer(math.inf, material, poisson=poisson, base=0.0)
+    return bonded_layer(math.inf, material, G=G, young=young, poisson=poisson, halfspace=0.0)
+
+
+def _law_given(material: object, moduli: Mapping[str, float | None]) -> Law:
+    """Return the law of a body; ConfigError for none, for two, and for what is no law."""
+    given = {key: value for key, value in moduli.items() if value is not None}
+    if len(given) + (material is not None) != 1:
+        names = [*(["material"] if material is not None else []), *given]
+        got = f"got {' and '.join(names)}" if names else "missing"
+        raise ConfigError([f"material: {got}; must be one of material, G and young"])
+    if isinstance(material, Real) and not isinstance(material, bool):
+        given = {"G": float(material)}
+    law: Law = Elastic(**given) if given else Layer(1.0, 0.0, material).material
+    return law

@@ -101,13 +101,14 @@ class Law(Kind):
         ConfigError
             A parameter is outside of its bounds, or parameters contradict each other.
         """
-        names = [name for name in type(self).model_fields if name not in self.BY_NAME]
-        parameters = dict(zip(names, values, strict=False)) | keys
-        if len(values) > len(names) or len(parameters) < len(values) + len(keys):
-            raise TypeError(f"{type(self).__name__} takes each of {', '.join(names)} once")
-        self._take(plain(parameters))
+        self._take(plain(self._named(values, keys)))
         if problems := list(self.problems()):  # in a configuration a sweep may replace the values
             raise ConfigError(map(str, problems))
+
+    @classmethod
+    def _in_order(cls) -> tuple[str, ...]:
+        """Return the keys whose values need no name, in their order: moduli and times."""
+        return tuple(name for name in cls.model_fields if name not in cls.BY_NAME)
 
     @property
     def units(self) -> tuple[str, str] | None:
@@ -456,6 +457,10 @@ class Branch(Section):
         return iter((self.G, self.tau))
 
 
+def _is_pair(branch: object) -> bool:
+    return not isinstance(branch, str | Mapping) and hasattr(branch, "__len__") and len(branch) == 2
+
+
 class Prony(Material):
     """Prony series G(t) = G0 + sum of G exp(-t/tau) over the branches; G0 is the relaxed modulus.
 
@@ -476,11 +481,11 @@ class Prony(Material):
 
     @alone
     def __init__(self, G0: float = 1.0, branches: Iterable[Any] = (), **keys: Any) -> None:
-        made = [
-            branch if isinstance(branch, Mapping) else dict(zip(("G", "tau"), branch, strict=True))
-            for branch in branches
-        ]
-        super().__init__(G0, tuple(made), **keys)
+        if not isinstance(branches, str | Mapping) and isinstance(branches, Iterable):
+            branches = [
+                dict(zip(("G", "tau"), each, strict=True)) if _is_pair(each) else each for each in branches
+            ]
+        super().__init__(G0, branches, **keys)
 
     def problems(self) -> Iterator[Mistake]:
         """Refuse a series without a modulus."""

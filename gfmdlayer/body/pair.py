@@ -7,9 +7,11 @@ from typing import TYPE_CHECKING, Any, Literal, cast
 
 from pydantic import PrivateAttr
 
+from gfmdlayer.body.body import check_body
 from gfmdlayer.body.layers import Layers
 from gfmdlayer.body.materials import Law, Material
 from gfmdlayer.body.solid import LayerDepth, Relaxation, Solid
+from gfmdlayer.validation.entry import entry
 from gfmdlayer.validation.problems import Mistake
 from gfmdlayer.validation.sections import alone
 
@@ -49,9 +51,12 @@ class Pair(Solid):
 
     _bodies: tuple[Body, Body] = PrivateAttr()
 
+    @entry()
     @alone
     def __init__(self, first: Body, second: Body) -> None:
         self._take({})
+        for key, body in (("first", first), ("second", second)):
+            check_body(body, "mean_stiffness", "spectrum", key=key)
         self._bodies = first, second
 
     def __repr_args__(self) -> Iterator[tuple[str, object]]:

@@ -8,19 +8,49 @@ from typing import Annotated, Any
 
 from pydantic import Field
 
-from gfmdlayer.body.bodies import BODY
+from gfmdlayer.body.bodies import BODIES, BODY, keys_in_memory
 from gfmdlayer.body.layer import Halfspace, Layer, StackedLayer, StackedLayers
 from gfmdlayer.body.layers import Layers
 from gfmdlayer.body.materials import Elastic
+from gfmdlayer.body.pair import Pair
 from gfmdlayer.body.solid import Solid
 from gfmdlayer.validation.fields import Finite, given
-from gfmdlayer.validation.problems import Location, Mistake
+from gfmdlayer.validation.problems import ConfigError, Location, Mistake
 from gfmdlayer.validation.sections import Section
+
+_LAYERED = ("layer", "layers", "halfspace")
 
 
 def layered(data: Mapping[str, Any]) -> bool:
     """Whether the body of a configuration is made of layers, which is the default."""
     return isinstance(data.get("body"), Layers | None)
+
+
+def in_keys(data: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the data of a configuration with the keys of bodies that were made in Python."""
+    made = dict(data)
+    if isinstance(pair := made.get("body"), Pair):
+        if made.get("counterbody") is not None:
+            raise ConfigError(["counterbody: given beside a Pair, which has its own; remove one of the two"])
+        made |= {"body": pair.first, "counterbody": pair.second}
+    for key in ("body", "counterbody"):
+        body = made.get(key)
+        if body is None or isinstance(body, Mapping | Counterbody):
+            continue
+        if isinstance(body, Layers) and body.above:
+            if key == "body" and (beside := [name for name in _LAYERED if made.get(name) is not None]):
+                raise ConfigError([f"body: given beside {', '.join(beside)}; remove one of the two"])
+            del made[key]
+            made |= body.keys() if key == "body" else {key: body.keys()}
+        elif isinstance(body, Solid):
+            known = body.kind in BODIES or hasattr(body, "file")
+            keys = body.model_dump(exclude_unset=True) if known else keys_in_memory(body)
+            made[key] = keys if key == "body" else {"body": keys}
+        else:
+            allowed = "must be a body such as halfspace(...), or its keys, such as {file: mine.py, ...}"
+            taken = "; a class of your own derives from Solid"
+            raise ConfigError([f"{key}: got {type(body).__name__}; {allowed}{taken}"])
+    return made
 
 
 def problems_of_the_body(

@@ -11,7 +11,7 @@ import hashlib
 import json
 import math
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -34,7 +34,13 @@ from gfmdlayer.body.materials import Law, Temperature, temperature_problems
 from gfmdlayer.body.pair import Pair, stacks
 from gfmdlayer.body.solid import OneModulus, Solid
 from gfmdlayer.config import sections, sweeps
-from gfmdlayer.config.bodies import Counterbody, layered, problems_of_the_body, problems_of_the_counterbody
+from gfmdlayer.config.bodies import (
+    Counterbody,
+    in_keys,
+    layered,
+    problems_of_the_body,
+    problems_of_the_counterbody,
+)
 from gfmdlayer.config.geometries import GEOMETRIES, Geometry
 from gfmdlayer.config.measures import ConfigMeasures, in_words
 from gfmdlayer.config.sections import Output, problems_of_the_inside
@@ -466,6 +472,11 @@ class Config(Section):
         if len(known) < _CASES:
             known[_key(values)] = case
         return []
+
+    @classmethod
+    def _named(cls, values: Sequence[Any], keys: Mapping[str, Any]) -> dict[str, Any]:
+        """Return the keys, with those of a body that was made in Python."""
+        return in_keys(super()._named(values, keys))
 
     @classmethod
     def all_problems(cls, data: dict[str, Any], error: ValidationError) -> list[Mistake]:

@@ -6,14 +6,18 @@ Python passes the same data as a mapping; its errors have the same words, withou
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
+from os import PathLike
 from pathlib import Path
 from typing import Any
 
 from pydantic import ValidationError
 
+from gfmdlayer.body.body import Body, check_body
+from gfmdlayer.config.bodies import in_keys
 from gfmdlayer.config.model import Config
 from gfmdlayer.config.sweeps import LISTS, location_of, unswept
 from gfmdlayer.validation import text
+from gfmdlayer.validation.entry import entry
 from gfmdlayer.validation.problems import (
     ConfigError,
     Location,
@@ -22,6 +26,8 @@ from gfmdlayer.validation.problems import (
     dotted_key,
     location_of_key,
     not_in_list,
+    shown,
+    unknown_key,
 )
 from gfmdlayer.validation.quantities import is_quantity
 from gfmdlayer.validation.sections import keys_of_files, plain
@@ -32,6 +38,7 @@ _PYTHON = Place("")  # objects of Python have no place but their key
 Inspection = Callable[[Config], Iterable[tuple[str, str]]]
 
 
+@entry()
 def load(
     path: str | Path,
     overrides: Iterable[str] | Mapping[str, object] = (),
@@ -70,6 +77,8 @@ def load(
     >>> gfmdlayer.load("case.yaml", ["time.end=2"]).time.end
     2.0
     """
+    if not isinstance(path, str | PathLike):
+        raise ConfigError([f"path: got {shown(path)}; must be the name of a YAML file"])
     document = _document(path) if content is None else text.read(content, str(path))
     if document.data is None or not isinstance(document.data, dict):
         raise _error(document.problems)
@@ -83,11 +92,33 @@ def from_python(
     inspect: Inspection | None = None,
 ) -> Config:
     """Return the configuration from Python data; dotted `values` replace keys, None removes one."""
+    if isinstance(given, Mapping):
+        given = in_keys(given)
+    if values is not None and values.get("body") is not None:
+        values = dict.fromkeys(("layer", "layers")) | in_keys({"counterbody": None, **values})
     document = Document(data=plain(given), values={(): _PYTHON})
     if isinstance(given, Config) and not values:
         return _inspected(given, document, inspect)
     config = _validated(document, values or {}, Path.cwd())  # where file names begin
     return _inspected(config, document, inspect)
+
+
+_OF_A_BODY = ("units", "body", "layer", "layers", "halfspace", "counterbody")
+
+
+def body_of(given: Body | Mapping[str, Any], *needed: str) -> Body:
+    """Return a body, or the one of its keys in a configuration; ConfigError for what is none.
+
+    The keys are those beside `body`, such as layer and halfspace, or those below it, with a kind or a file.
+    `needed` are members of a `Body`.
+    """
+    if isinstance(given, Mapping):
+        keys = {"body": given} if {"kind", "file"} & given.keys() else given
+        if unknown := [key for key in keys if key not in _OF_A_BODY]:
+            raise ConfigError(f"body: {key}: {unknown_key(key, _OF_A_BODY, ())}" for key in unknown)
+        return from_python({"name": "body", **keys}).solid
+    check_body(given, *needed)
+    return given
 
 
 def gives(config: str | Path | Mapping[str, Any] | Config, key: str) -> bool:

@@ -45,6 +45,7 @@ from gfmdlayer.study.folder import Folder
 from gfmdlayer.study.progress import Display
 from gfmdlayer.study.run import RunOptions, run_study
 from gfmdlayer.study.workers import WorkerPool
+from gfmdlayer.validation.entry import entry
 from gfmdlayer.validation.problems import nearest
 
 if TYPE_CHECKING:
@@ -109,6 +110,7 @@ class Run:
         return float(finite.max()) if finite.size else math.nan
 
 
+@entry()
 def converge(
     config: str | Path | Mapping[str, Any] | Config,
     columns: str | Sequence[str] = (),

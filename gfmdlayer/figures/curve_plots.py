@@ -248,7 +248,7 @@ _AREAS = {
 }
 
 
-def loop_figure(path: Path, dataset: Dataset, style: Style = PAPER, y: str = "force") -> Figure:
+def loop_figure(path: Path | None, dataset: Dataset, style: Style = PAPER, y: str = "force") -> Figure:
     """Draw a column against depth for each case, with areas in the legend or, of one case, above the panel.
 
     Tangential forces and friction are drawn over the displacement along the surface. The cases come from
@@ -265,6 +265,8 @@ def loop_figure(path: Path, dataset: Dataset, style: Style = PAPER, y: str = "fo
         axes = figure.subplots()
         for i, curve in enumerate(drawn.curves):
             if is_sweep:
+                if path is None:
+                    raise ResultsError("a loop of a sweep is drawn from its results folder; run it with out=")
                 file = case_path(path, int(drawn.sweep["case"].isel(curve.place)))
                 if not is_complete(file):
                     continue

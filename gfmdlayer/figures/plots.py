@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
@@ -17,7 +17,7 @@ from gfmdlayer.figures.field_plots import inside_figure, stick_figure
 from gfmdlayer.figures.labels import Labels, labelled
 from gfmdlayer.figures.map_plots import fit_map_figure, map_figure
 from gfmdlayer.figures.movies import default_suffix, write_movie
-from gfmdlayer.figures.plot_style import STYLES, check_suffix, save
+from gfmdlayer.figures.plot_style import PAPER, STYLES, Style, check_suffix, save
 from gfmdlayer.figures.selection import Time, Wanted, notes
 from gfmdlayer.figures.snapshots import (
     MOST_CASES,
@@ -165,40 +165,62 @@ def plot_results(
             write_movie(first, picture, title, look, fps)
             return [picture]
         check_suffix(picture)
-        about = (title, look, said)
+        draw = partial(
+            figure_of, dataset, path=path, x=x, y=y, z=z, time=time, inset=inset, log=log,
+            log_time=log_time, look=look, every=bool(times),
+        )  # fmt: skip
         titles = list(cases)
         parts = [titles[i : i + MOST_CASES] for i in range(0, len(titles), MOST_CASES)] or [[]]
         pages = [{each: cases[each] for each in part} for part in parts]
-
-        def page(at: int) -> Figure:
-            of_all = [f"page {at + 1} of {len(pages)}"] * (len(pages) > 1)
-            return snapshots_figure(pages[at], look, [*of_all, *said], every=bool(times))
-
-        along = "time" if inset or log_time else selection.default_abscissa(dataset)
-        draw: dict[Kind, Callable[[], Figure]] = {
-            "curves": lambda: curves_figure(
-                dataset, style=look, log=_of_curves(log), log_time=log_time, x=x or along, y=y, time=time,
-                inset=Inset.of(first, inset) if inset else None,
-            ),
-            "loop": lambda: loop_figure(path, dataset, look, _one(y, "a loop") or "force"),
-            "snapshots": lambda: page(0),
-            "stick": lambda: stick_figure(first, *about, every=bool(times)),
-            "inside": lambda: inside_figure(first, _one(z, "a section"), *about, every=bool(times)),
-            "waterfall": lambda: waterfall_figure(first, *about, every=bool(times)),
-            "map": lambda: (
-                fit_map_figure(dataset, look, z)
-                if "fitted" in dataset.attrs
-                else map_figure(dataset, time, look, x=x, y=_one(y, "a map"), z=z, log=log)
-            ),
-        }  # fmt: skip
-        pictures = {picture: draw[kind or "curves"]}
+        pictures: dict[Path, tuple[Kind, int]] = {picture: (kind or "curves", 0)}
         if kind is None and cases:
-            pictures[picture.with_stem(f"{picture.stem}-snapshots")] = draw["snapshots"]
+            pictures[picture.with_stem(f"{picture.stem}-snapshots")] = "snapshots", 0
         for further in range(1, len(pages)):
-            pictures[picture.with_stem(f"{picture.stem}-{further + 1}")] = partial(page, further)
-        for file, figure in pictures.items():
-            save(figure(), file, look)
+            pictures[picture.with_stem(f"{picture.stem}-{further + 1}")] = "snapshots", further
+        for file, (each, at) in pictures.items():
+            of_all = [f"page {at + 1} of {len(pages)}"] * (each == "snapshots" and len(pages) > 1)
+            save(draw(pages[at], each, said=[*of_all, *said]), file, look)
         return list(pictures)
+
+
+def figure_of(
+    dataset: Dataset,
+    cases: Mapping[str, Dataset],
+    kind: Kind,
+    *,
+    path: Path | None = None,
+    x: str = "",
+    y: Sequence[str] = (),
+    z: Sequence[str] = (),
+    time: Time | None = None,
+    inset: Sequence[float] = (),
+    log: Sequence[Literal["x", "y", "z"]] | None = None,
+    log_time: bool = False,
+    look: Style = PAPER,
+    said: Sequence[str] = (),
+    every: bool = False,
+) -> Figure:
+    """Draw one kind of picture of results, and of their cases with snapshots; see `plot_results`."""
+    title, first = next(iter(cases.items()), ("", dataset))
+    about = (title, look, said)
+    if kind == "curves":
+        along = "time" if inset or log_time else selection.default_abscissa(dataset)
+        return curves_figure(
+            dataset, style=look, log=_of_curves(log), log_time=log_time, x=x or along, y=y, time=time,
+            inset=Inset.of(first, inset) if inset else None,
+        )  # fmt: skip
+    if kind == "loop":
+        return loop_figure(path, dataset, look, _one(y, "a loop") or "force")
+    if kind == "map":
+        if "fitted" in dataset.attrs:
+            return fit_map_figure(dataset, look, z)
+        return map_figure(dataset, time, look, x=x, y=_one(y, "a map"), z=z, log=log)
+    if kind == "snapshots":
+        return snapshots_figure(cases, look, said, every=every)
+    if kind == "inside":
+        return inside_figure(first, _one(z, "a section"), *about, every=every)
+    draw = {"stick": stick_figure, "waterfall": waterfall_figure}[kind]
+    return draw(first, *about, every=every)
 
 
 def _of_curves(log: Sequence[Literal["x", "y", "z"]] | None) -> list[Literal["x", "y"]] | None:

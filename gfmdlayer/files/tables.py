@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gfmdlayer.arrays import FloatArray, IntArray
+from gfmdlayer.errors import GfmdlayerError
 from gfmdlayer.files.headings import (
     ANGULAR,
     BY_MODULUS,
@@ -34,7 +35,7 @@ from gfmdlayer.files.units import Unit, unit_of
 LARGEST = 1e30  # results computed from larger numbers may leave the range of double precision
 
 
-class TableError(ValueError):
+class TableError(GfmdlayerError, ValueError):
     """A file of numbers cannot be used; the message names file, line if any, and allowed values."""
 
 

@@ -103,9 +103,14 @@ class CurveSource:
         return hashlib.sha256(repr((told, self.position)).encode()).hexdigest()
 
 
+_FORMS = "a ForceCurve, a path, or a mapping, a frame or a dataset with the columns time, depth and force"
+
+
 def sources(curves: Any) -> Iterator[CurveSource]:
     """Yield the curves in any form that `fit_indentation` takes, one or an iterable of them."""
     single = isinstance(curves, (ForceCurve, str, Path)) or hasattr(curves, "keys") or _is_afm(curves)
+    if not (single or isinstance(curves, Iterable)):
+        raise FitError(f"curves: got {type(curves).__name__}; must be one or several of {_FORMS}")
     for number, curve in enumerate([curves] if single else curves):
         if isinstance(curve, ForceCurve):
             yield CurveSource(curve, curve.name, curve.position)
@@ -117,10 +122,7 @@ def sources(curves: Any) -> Iterator[CurveSource]:
         elif hasattr(curve, "keys"):
             yield CurveSource(curve, str(number), _place(getattr(curve, "attrs", curve)))
         else:
-            raise FitError(
-                f"curve {number}: got {type(curve).__name__}; must be a ForceCurve, a path, or a mapping, a "
-                "frame or a dataset with the columns time, depth and force"
-            )
+            raise FitError(f"curve {number}: got {type(curve).__name__}; must be {_FORMS}")
 
 
 def _is_afm(curve: Any) -> bool:

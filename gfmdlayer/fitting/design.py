@@ -39,6 +39,7 @@ from gfmdlayer.fitting.problem import (
 )
 from gfmdlayer.fitting.result import FitOptions, IndentationFit
 from gfmdlayer.fitting.starts import curve_parameters, make_problem, read_model
+from gfmdlayer.validation.entry import entry
 from gfmdlayer.validation.problems import unknown_key
 
 KEYS = ("name", "time", *PRESCRIBED, "rows", "noise", "depth_noise", "stiffness", "stiffness_error", "punch")
@@ -49,6 +50,7 @@ BETTER = 0.5  # of the error of the first curve: a proposed curve must reduce it
 Plan = Mapping[str, Any]
 
 
+@entry()
 def design_indentation(
     plans: Plan | Iterable[Plan], model: Mapping[str, Any] | str | Path, free: Free | None = None
 ) -> IndentationFit:

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from gfmdlayer.arrays import FloatArray
+from gfmdlayer.config import ConfigError
 from gfmdlayer.files.tables import Answers
 from gfmdlayer.fitting.curve_files import is_map, sources, units_of
 from gfmdlayer.fitting.design import second_curve
@@ -43,6 +44,7 @@ from gfmdlayer.fitting.starts import (
     with_adhesion,
 )
 from gfmdlayer.indentation.model import IsolatedContact
+from gfmdlayer.validation.entry import entry
 
 Given = ForceCurve | str | Path | Mapping[str, Any]
 ROUGH, FINE = 1e-2, 1e-5  # precision of the first fit, and of the fits after the times are chosen again
@@ -53,6 +55,7 @@ ASTRAY, WORKS = 5.0, 25  # errors of the place of a jump that ask for other work
 STAYS = 0.2  # change of a logarithm below which the times of the solution stay
 
 
+@entry()
 def fit_indentation(
     curves: Given | Iterable[Given],
     model: Mapping[str, Any] | str | Path,
@@ -60,11 +63,11 @@ def fit_indentation(
     *,
     units: Sequence[str] | Mapping[str, str] | None = None,
     decimal: str | None = None,
-    columns: Sequence[str] = (),
+    columns: str | Sequence[str] = (),
     loss: str = "linear",
     profile: bool = False,
     contact: str = "given",
-    segments: Sequence[str] = (),
+    segments: str | Sequence[str] = (),
     prescribed: str | None = None,
     stiffness: float | None = None,
     stiffness_error: float | None = None,
@@ -87,9 +90,10 @@ def fit_indentation(
         drift, stiffness and baseline of the force. Of several curves, those that cannot be used, such as
         one without contact, are left out, with a warning.
     model : mapping, str or Path
-        Body and indenter with the keys of a configuration (layer or layers, halfspace, punch), or a YAML
-        file with them. The fit starts from these values. A key `free` names the free parameters.
-    free : sequence of str, or mapping
+        Body and punch, with the keys of a configuration (body, or layer or layers, halfspace; punch) and
+        their values as keys or objects, such as `Sphere`; or a YAML file with them. The fit starts from
+        these values. A key `free` names the free parameters.
+    free : str, sequence of str, or mapping
         Dotted keys of the model, and contact_point, drift, force_offset, force_drift, tilt, stiffness; a
         mapping gives bounds as [low, high], or None.
         A layer lies on a rigid base where the model has no halfspace; warnings name all that is assumed.
@@ -137,10 +141,9 @@ def fit_indentation(
     >>> print(f"{fit['G0'].value:.2f}")
     7.00
     """
-    between = None if range is None else (float(range[0]), float(range[1]))
     options = FitOptions(
-        loss, profile, contact, tuple(segments), prescribed, stiffness, stiffness_error, adhesion,
-        sensitivity, sampling, baseline, weight, between,
+        loss, profile, contact, segments, prescribed, stiffness, stiffness_error, adhesion, sensitivity,
+        sampling, baseline, weight, range,
     )  # fmt: skip
     data, keys = read_model(model, free)
     made, every = IndentationModel(data), list(sources(curves))
@@ -158,11 +161,14 @@ def fit_indentation(
 
 
 def answers_of(
-    units: Sequence[str] | Mapping[str, str] | None, decimal: str | None, columns: Sequence[str]
+    units: Sequence[str] | Mapping[str, str] | None, decimal: str | None, columns: str | Sequence[str]
 ) -> Answers:
     """Return what is said about tables in the words of `fit_indentation`."""
+    if isinstance(units, str):
+        allowed = "must be those of time, depth and force, such as ('s', 'nm', 'nN'), or a mapping"
+        raise ConfigError([f"units: got {units!r}; {allowed}"])
     pairs = units if isinstance(units, Mapping) else dict(zip(COLUMNS, units or (), strict=False))
-    return Answers(decimal, tuple(pairs.items()), tuple(columns))
+    return Answers(decimal, tuple(pairs.items()), (columns,) if isinstance(columns, str) else tuple(columns))
 
 
 def usable(made: Iterable[Callable[[], ForceCurve]]) -> tuple[list[ForceCurve], list[str]]:

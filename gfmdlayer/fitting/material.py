@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import html
 import math
 import re
 import tempfile
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -30,8 +29,11 @@ from gfmdlayer.fitting.measurement import (
     Measurement,
     isotherms,
 )
+from gfmdlayer.fitting.result import Fit, Table
 from gfmdlayer.fitting.superposition import LEVEL, FittedNumber, Superposition, superposed
 from gfmdlayer.results.names import ResultsError
+from gfmdlayer.validation.entry import entry
+from gfmdlayer.validation.problems import shown
 
 if TYPE_CHECKING:
     import os
@@ -50,7 +52,7 @@ LAW_NAMES = {"wlf": "WLF", "arrhenius": "Arrhenius"}
 
 
 @dataclass(frozen=True)
-class MaterialFit:
+class MaterialFit(Fit):
     """A law fitted to measured moduli, at one temperature or at several.
 
     The names of lmfit lead to the same numbers: params, value, stderr, vary, ndata, nvarys, nfree, chisqr (of
@@ -103,44 +105,35 @@ class MaterialFit:
         """`chisqr` over `nfree`."""
         return self.chisqr / max(self.nfree, 1)
 
-    def _lines(self) -> Iterator[str]:
-        yield from self.notes
+    def tables(self) -> list[Table]:
+        """Return the table of the numbers with intervals, and that of the shift at each temperature."""
         law = self.fitted.material
         rows = [[*_cells(each), ""] for each in self.params.values()]
         if isinstance(law, Prony):
             rows.append(["Ginf", f"{law.glassy:.6e}", "", "", "sum"])
-        yield from _aligned([["", "value", "95 % interval", "unit", ""], *rows])
+        found: list[Table] = [(["", "value", "95 % interval", "unit", ""], rows)]
         if (joined := self.superposition) is not None:
             head = ["degrees C", "log10 aT", "95 % interval", *(["log10 bT"] if joined.vertical else [])]
             heights = [[f"{each.value:.4f}"] for each in joined.vertical] or [[]] * len(joined.curves)
             named = zip(joined.temperatures.tolist(), joined.factors, heights, strict=True)
             shifts = [[f"{T:g}", f"{each.value:.4f}", _interval(each), *height] for T, each, height in named]
-            yield from _aligned([head, *shifts])
+            found.append((head, shifts))
+        return found
+
+    def sentences(self) -> list[str]:
+        """Return how the data were read, and warnings."""
+        return [*self.notes, *(f"warning: {text}" for text in self.warnings)]
+
+    def lines(self) -> Iterator[str]:
+        """Yield how the data were read, tables of the numbers with intervals, and warnings."""
+        yield from self.notes
+        for head, rows in self.tables():
+            yield from _aligned([head, *rows])
         yield from (f"warning: {text}" for text in self.warnings)
 
-    def __str__(self) -> str:
-        """Return how the data were read, a table of the numbers with intervals, and warnings."""
-        return "\n".join(self._lines())
-
-    def _repr_html_(self) -> str:
-        return f"<pre>{html.escape(str(self))}</pre>"
-
-    def plot(self, path: str | os.PathLike[str] | None = None) -> Figure:
-        """Draw the measured moduli with the law, the errors, and the shift over temperature.
-
-        Parameters
-        ----------
-        path : path-like, optional
-            Also writes the picture to this file, .png, .pdf or .svg.
-
-        Returns
-        -------
-        matplotlib.figure.Figure
-        """
-        figure = fit_figure(self.fitted, self.superposition)
-        if path is not None:
-            save(figure, Path(path))
-        return figure
+    def figure(self, names: Sequence[str] = ()) -> Figure:  # noqa: ARG002
+        """Draw the measured moduli with the law, the errors, and the shift over temperature."""
+        return fit_figure(self.fitted, self.superposition)
 
     def to_dataset(self) -> xarray.Dataset:
         """Return the fitted numbers over `parameter`, measured and fitted moduli over `row`.
@@ -203,6 +196,7 @@ class MaterialFit:
 Measured = str | Path | Mapping[Any, Any] | Sequence[str | Path]
 
 
+@entry()
 def fit_material(
     data: Measured,
     law: str = "prony",
@@ -335,6 +329,11 @@ def _isotherms(data: Any, poisson: float | None, answers: Answers) -> Iterator[M
             path = Path(folder) / "columns.csv"
             path.write_text(_as_table(data), encoding="utf-8")
             yield from isotherms(path, poisson, answers)
+    elif not isinstance(data, Iterable):
+        allowed = (
+            "must be a path, several, a mapping from temperatures to paths, or columns by their headings"
+        )
+        raise FitError(f"data: got {shown(data)}; {allowed}")
     else:
         for each in data:
             yield from isotherms(Path(each), poisson, answers)

@@ -32,6 +32,7 @@ from numpy.typing import NDArray
 from gfmdlayer.arrays import FloatArray
 from gfmdlayer.body.materials import Law, Prony
 from gfmdlayer.body.network import relaxation
+from gfmdlayer.errors import GfmdlayerError
 from gfmdlayer.files.headings import ANGULAR, ORDINARY
 from gfmdlayer.files.tables import Answers, TableError, TextTable, read_table
 from gfmdlayer.files.units import unit_of
@@ -41,8 +42,17 @@ FEWEST_OF_A_TEMPERATURE = 3  # rows of one of several curves
 SAME_TEMPERATURE = 1.0  # kelvin: rows closer than this are of one curve
 
 
-class FitError(ValueError):
-    """A fit is not possible; the message gives the reason and the allowed values."""
+class FitError(GfmdlayerError, ValueError):
+    """A fit is not possible; the message gives the reason and the allowed values.
+
+    Examples
+    --------
+    >>> try:
+    ...     gfmdlayer.fit_indentation([], {"punch": gfmdlayer.Sphere(radius=1.0)}, "layer.material.G0")
+    ... except gfmdlayer.FitError as error:
+    ...     print(error)
+    got no curve; give at least one
+    """
 
 
 @dataclass(frozen=True)

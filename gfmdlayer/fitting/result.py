@@ -10,10 +10,12 @@ from __future__ import annotations
 import html
 import json
 import math
-from collections.abc import Iterator, Mapping
+from abc import ABC, abstractmethod
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
@@ -27,6 +29,7 @@ from gfmdlayer.fitting.misfit import NOISE_ONLY
 from gfmdlayer.fitting.problem import without_effect
 from gfmdlayer.results.names import parameter
 from gfmdlayer.validation import text
+from gfmdlayer.validation.entry import entry
 
 if TYPE_CHECKING:
     import os
@@ -36,6 +39,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from gfmdlayer.validation.units import Units
+
+Table: TypeAlias = tuple[Sequence[str], Sequence[Sequence[str]]]  # headings, and rows of cells
 
 OPEN = 10.0  # ratio of the ends of an interval from which a parameter is not determined
 ADHESIONS = (NO_ADHESION, *KINDS, CHOOSE)
@@ -57,7 +62,9 @@ class FitOptions:
     # the force, which start where the force begins to rise. Estimators: depths count from the contact point
     # that each finds, unless contact_point is free; then the fit starts there.
     contact: str = "given"
-    segments: tuple[str, ...] = ()  # names of the segments whose rows count; all by default
+    segments: (
+        str | Sequence[str]
+    ) = ()  # one or several names of the segments whose rows count; all by default
     # Of curves whose files do not name them: the prescribed quantity, and the stiffness of the cantilever, in
     # the units of the model, with its relative standard error.
     prescribed: str | None = None
@@ -74,30 +81,47 @@ class FitOptions:
     # Residuals count by the distance from the contact point over this length, up to 1; all alike by default.
     weight: float | None = None
     # Lowest and highest depth relative to the contact point of the rows that count.
-    range: tuple[float, float] | None = None
+    range: Sequence[float] | None = None
 
     def __post_init__(self) -> None:
         problems = []
+        names = (self.segments,) if isinstance(self.segments, str) else self.segments
+        if not isinstance(names, Iterable) or not all(isinstance(name, str) for name in names):
+            problems.append(f"segments: got {self.segments!r}; must be names, such as ('approach', 'hold')")
+        else:
+            object.__setattr__(self, "segments", tuple(names))
         if self.loss not in LOSSES:
             problems.append(f"loss: got {self.loss!r}; must be one of {', '.join(LOSSES)}")
         if self.contact not in CONTACTS:
             problems.append(f"contact: got {self.contact!r}; must be one of {', '.join(CONTACTS)}")
         if self.baseline not in BASELINES:
             problems.append(f"baseline: got {self.baseline!r}; must be one of {', '.join(BASELINES)}")
-        if self.range is not None and not (len(self.range) == 2 and self.range[0] < self.range[1]):
-            problems.append(f"range: got {self.range!r}; must be two depths, the lower one first")
+        if self.range is not None:
+            ends = depths_in(self.range)
+            if ends.shape != (2,) or not ends[0] < ends[1]:
+                problems.append(f"range: got {self.range!r}; must be two depths, the lower one first")
+            else:
+                object.__setattr__(self, "range", tuple(ends.tolist()))
         if self.prescribed not in (None, *PRESCRIBED):
             problems.append(f"prescribed: got {self.prescribed!r}; must be one of {', '.join(PRESCRIBED)}")
         if self.adhesion not in (None, *ADHESIONS):  # also of a list, which a set would not take
             problems.append(f"adhesion: got {self.adhesion!r}; must be one of {', '.join(ADHESIONS)}")
         for key in ("stiffness", "stiffness_error", "sensitivity", "sampling", "weight"):
             value = getattr(self, key)
-            if value is not None and not 0 < value < math.inf:
+            if value is not None and not (
+                isinstance(value, int | float | np.number) and 0 < value < math.inf
+            ):
                 problems.append(f"{key}: got {value!r}; must be > 0 and finite")
-        if isinstance(self.segments, str) or not all(isinstance(name, str) for name in self.segments):
-            problems.append(f"segments: got {self.segments!r}; must be names, such as ('approach', 'hold')")
         if problems:
             raise ConfigError(problems)
+
+
+def depths_in(values: object) -> FloatArray:
+    """Return numbers as an array; NaN for anything else."""
+    try:
+        return np.asarray(values, dtype=float)
+    except (TypeError, ValueError):
+        return np.array(math.nan)
 
 
 @dataclass(frozen=True)
@@ -195,8 +219,69 @@ class CurveFit:
         return np.where(self.curve.by_force, self.depth, self.force) - self.curve.measured
 
 
+class Fit(ABC):
+    """What the results of all fits have: a table in words and for notebooks, a picture, a dataset."""
+
+    @abstractmethod
+    def lines(self) -> Iterable[str]:
+        """Return what `print` shows."""
+
+    @abstractmethod
+    def tables(self) -> Sequence[Table]:
+        """Return the tables of numbers: headings, and rows of cells."""
+
+    @abstractmethod
+    def sentences(self) -> Iterable[str]:
+        """Return the sentences beside the tables, warnings last."""
+
+    @abstractmethod
+    def figure(self, names: Sequence[str] = ()) -> Figure:
+        """Draw the fit, or of a map of fits some parameters."""
+
+    @abstractmethod
+    def to_dataset(self) -> xarray.Dataset:
+        """Return the numbers of the fit."""
+
+    def __str__(self) -> str:
+        return "\n".join(self.lines())
+
+    def _repr_html_(self) -> str:
+        """Return the tables and the sentences for a notebook."""
+        return "".join(
+            [*map(_in_html, self.tables()), *(f"<p>{html.escape(each)}</p>" for each in self.sentences())]
+        )
+
+    @entry(path="out")
+    def plot(self, out: str | os.PathLike[str] | None = None, names: str | Sequence[str] = ()) -> Figure:
+        """Draw the fit.
+
+        Parameters
+        ----------
+        out : path-like, optional
+            Also writes the picture to this file, .png, .pdf or .svg.
+        names : str, or sequence of str
+            Of a map of fits, the parameters that are drawn; all by default.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+        """
+        figure = self.figure((names,) if isinstance(names, str) else names)
+        if out is not None:
+            save(figure, Path(out))
+        return figure
+
+
+def _in_html(table: Table) -> str:
+    """Return a table of headings and rows for a notebook."""
+    head, rows = table
+    lines = [("th", head), *(("td", row) for row in rows)]
+    cells = ("".join(f"<{tag}>{html.escape(cell)}</{tag}>" for cell in row) for tag, row in lines)
+    return f"<table>{''.join(f'<tr>{row}</tr>' for row in cells)}</table>"
+
+
 @dataclass(frozen=True)
-class IndentationFit:
+class IndentationFit(Fit):
     """A fit of one or several curves."""
 
     parameters: tuple[Estimate, ...]
@@ -321,39 +406,22 @@ class IndentationFit:
                 return each
         raise KeyError(f"{name}: must be one of {', '.join(each.name for each in self.parameters)}")
 
-    def __str__(self) -> str:
-        """Return the table of `summary`: values, intervals, units, free or held; warnings below."""
-        return "\n".join(summary(self))
+    def lines(self) -> list[str]:
+        """Return the lines of `summary`: values, intervals, units, free or held; warnings below."""
+        return summary(self)
 
-    def _repr_html_(self) -> str:
-        """Return the table and the warnings for a notebook."""
-        head, rows = table(self)
-        cells = "".join(f"<th>{html.escape(cell)}</th>" for cell in head)
-        lines = [f"<tr>{''.join(f'<td>{html.escape(cell)}</td>' for cell in row)}</tr>" for row in rows]
-        notes = [html.escape(line) for line in (_title(self), *_marked(self), *_choice(self))]
-        warnings = "".join(f"<li>{html.escape(each)}</li>" for each in self.warnings)
-        listed = f"<p>warnings:</p><ul>{warnings}</ul>" if warnings else ""
-        body = f"<table><thead><tr>{cells}</tr></thead><tbody>{''.join(lines)}</tbody></table>"
-        return f"<p>{notes[0]}</p>{body}{''.join(f'<p>{note}</p>' for note in notes[1:])}{listed}"
+    def tables(self) -> list[Table]:
+        """Return the table of the parameters."""
+        return [table(self)]
 
-    def plot(self, path: str | os.PathLike[str] | None = None) -> Figure:
-        """Draw the curves with the fit, and below them the residuals with the largest shape in them.
+    def sentences(self) -> list[str]:
+        """Return the title, what the marks mean, the adhesion that was chosen, and warnings."""
+        warnings = (f"warning: {each}" for each in self.warnings)
+        return [_title(self), *_marked(self), *_choice(self), *warnings]
 
-        Parameters
-        ----------
-        path : path-like, optional
-            Also writes the picture to this file, .png, .pdf or .svg.
-
-        Returns
-        -------
-        matplotlib.figure.Figure
-        """
-        from pathlib import Path
-
-        figure = fit_figure(self)
-        if path is not None:
-            save(figure, Path(path))
-        return figure
+    def figure(self, names: Sequence[str] = ()) -> Figure:  # noqa: ARG002
+        """Draw the curves with the fit, and below them the residuals with the largest shape in them."""
+        return fit_figure(self)
 
     def to_dataset(self) -> xarray.Dataset:
         """Return estimates over `parameter`, and the rows of all curves over `curve` and `row`.

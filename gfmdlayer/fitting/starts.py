@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
@@ -14,6 +15,7 @@ import numpy as np
 
 from gfmdlayer.arrays import FloatArray
 from gfmdlayer.config import ConfigError
+from gfmdlayer.config.bodies import in_keys
 from gfmdlayer.fitting.elastic import KINDS, NO_ADHESION, work_for
 from gfmdlayer.fitting.estimates import CANDIDATES, PART, ContactPoint, contact_point, detect
 from gfmdlayer.fitting.force_curve import DEPTH, CurveError, ForceCurve, baseline, noise_of
@@ -35,6 +37,7 @@ from gfmdlayer.indentation.indent import as_revolution
 from gfmdlayer.punch.revolution import abel_transform
 from gfmdlayer.validation import text
 from gfmdlayer.validation.problems import location_of_key, shown, unknown_key
+from gfmdlayer.validation.sections import plain
 
 TIMES = (0.0, 0.01, 0.1, 1.0)  # trials of the shortest relaxation time, over the duration; 0: the model's
 RANGE, TRIALS = 6.0, 9  # factors on the moduli that are tried with adhesion
@@ -45,7 +48,11 @@ STRETCH = 10.0  # default bounds of a cantilever's stiffness: over and times thi
 def read_model(model: Mapping[str, Any] | str | Path, free: Free | None) -> tuple[dict[str, Any], Free]:
     """Return body and indenter as plain data, and the keys of the free parameters."""
     if isinstance(model, Mapping):
-        data = dict(model)
+        data = plain(in_keys(model))
+    elif not isinstance(model, str | os.PathLike):
+        example = "{'body': halfspace(1.0), 'punch': Sphere(radius=1.0)}"
+        allowed = f"must be a mapping of a body and a punch, such as {example}, or a YAML file"
+        raise ConfigError([f"model: got {shown(model)}; {allowed}"])
     else:
         try:
             document = text.read(Path(model).read_bytes(), str(model))
@@ -63,6 +70,7 @@ def read_model(model: Mapping[str, Any] | str | Path, free: Free | None) -> tupl
             ) from None
     own = data.pop("free", None)
     keys = own if free is None else free
+    keys = (keys,) if isinstance(keys, str) else keys
     if wrong := list(_wrong_keys(keys)):
         allowed = (*SECTIONS, "free")
         foreign = [f"{key}: {unknown_key(key, allowed, ())}" for key in data if key not in allowed]
@@ -79,7 +87,8 @@ def _place(document: text.Document, problem: str) -> text.Place:
 def _wrong_keys(keys: Any) -> Iterator[str]:
     """Yield errors in the form of the free parameters and their bounds."""
     if not isinstance(keys, (list, tuple, Mapping)) or not keys:
-        yield "free: name at least one parameter, such as layer.material.G0, in the model or with --free"
+        wanted = "name at least one parameter, such as layer.material.G0, in the model or with --free"
+        yield f"free: got {shown(keys)}; {wanted}" if keys else f"free: {wanted}"
         return
     for key in keys:
         if not isinstance(key, str):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -15,9 +14,13 @@ from numpy.typing import ArrayLike
 from scipy.interpolate import CubicSpline
 
 from gfmdlayer.arrays import FloatArray, unmasked
-from gfmdlayer.body.body import Body, check_body
-from gfmdlayer.body.materials import Law
+from gfmdlayer.body.body import Body
+from gfmdlayer.body.materials import Law, Material
+from gfmdlayer.case.model import ConvergenceError
+from gfmdlayer.config import ConfigError
 from gfmdlayer.config.geometries import FINEST
+from gfmdlayer.config.reader import body_of
+from gfmdlayer.errors import GfmdlayerError, warn
 from gfmdlayer.indentation.compliance import gauss_rule
 from gfmdlayer.indentation.march import Marched
 from gfmdlayer.indentation.solve import (
@@ -39,9 +42,11 @@ from gfmdlayer.observables import INDENTATION
 from gfmdlayer.observables.energy_balance import unbalanced
 from gfmdlayer.punch.revolution import OfRevolution, Revolution, abel_transform, heights, of_table
 from gfmdlayer.results.names import VARIABLES
+from gfmdlayer.validation.entry import entry
+from gfmdlayer.validation.problems import nearest, shown
 
 if TYPE_CHECKING:
-    import xarray
+    from gfmdlayer.figures.contact_data import ContactData
 
 # Radial profiles of pressure, displacement and gap from the fields of a run.
 #
@@ -304,38 +309,44 @@ FIELDS = ("pressure", "displacement", "gap")
 _ENERGIES = ("work", "stored", "dissipated")
 
 
-def _beside_springs(body: Body, duration: float) -> Body:
-    """Return a body of liquids with springs that its response over a time does not feel, see `Law.prony`."""
+def _as_series(body: Body, time: FloatArray, tolerance: float) -> Body:
+    """Return the body with Prony series for its laws over the times of a history, as `run` has them.
+
+    Liquids are beside springs that their response does not feel, see `Law.prony`.
+    """
     laws: tuple[Law, ...] = getattr(body, "laws", ())
-    if all(law.relaxed for law in laws):
+    if all(isinstance(law, Material) and law.relaxed for law in laws):
         return body
-    series = [law.prony(duration, duration).material for law in laws]
+    shortest, longest = tolerance * float(np.diff(time).min()), float(np.ptp(time))
+    series = [law.prony(shortest, longest).material for law in laws]
     made: Body = body.with_series(series, 0.0)  # type: ignore[attr-defined]
     return made
 
 
+@entry(indenter="punch", work_of_adhesion="work")
 def indent(
-    body: Body,
-    indenter: OfRevolution | Revolution | Mapping[str, Any] | tuple[ArrayLike, ArrayLike],
+    body: Body | Mapping[str, Any],
+    punch: OfRevolution | Revolution | Mapping[str, Any] | tuple[ArrayLike, ArrayLike],
     time: ArrayLike,
     *,
     depth: ArrayLike | None = None,
     force: ArrayLike | None = None,
     tolerance: float = 1e-4,
-    work_of_adhesion: float = 0.0,
+    work: float = 0.0,
     edge_speed: float = math.inf,
     edge_exponent: float = 0.6,
     healing_work: float | None = None,
     snapshots: Sequence[float] = (),
     times: Sequence[float] = (),
-) -> xarray.Dataset:
-    """Press a rigid indenter of revolution into a body: isolated, frictionless, over any history.
+) -> ContactData:
+    """Press a rigid punch of revolution into a body: isolated, frictionless, over any history.
 
     Parameters
     ----------
-    body : Body
-        The body, such as a `ViscoelasticLayer`: a halfspace, a layer, or any other that supports a load.
-    indenter : shape, mapping or pair of arrays
+    body : Body or mapping
+        The body, such as a `halfspace` or a `bonded_layer`, or its keys in a configuration; any that supports
+        a load. A law with a continuous spectrum is replaced by a Prony series, as in `run`.
+    punch : shape, mapping or pair of arrays
         A shape of the punch that is a convex body of revolution, its keys in a configuration, or radii and
         heights of a convex profile.
     time : array_like, shape (nt,)
@@ -348,14 +359,15 @@ def indent(
         tenth of the largest counts by its square: it falls like a root of time where contact is lost. With
         adhesion contact jumps: errors that a shift in time by up to `tolerance` times the duration removes
         do not count then. Not below 1e-9.
-    work_of_adhesion : float
-        Energy per area that a slowly receding edge of the contact takes (JKR), with the relaxed modulus.
+    work : float
+        Work of adhesion: the energy per area that a slowly receding edge of the contact takes (JKR), with
+        the relaxed modulus.
     edge_speed, edge_exponent : float
-        An edge that recedes with the speed v takes work_of_adhesion (1 + (v/edge_speed)^edge_exponent), as
+        An edge that recedes with the speed v takes work (1 + (v/edge_speed)^edge_exponent), as
         Maugis & Barquins, J. Phys. D 11 (1978) 1989, have it; length over time, and a number.
     healing_work : float, optional
         Energy per area that a slowly advancing edge gains, with the relaxed modulus; at most, and by default,
-        work_of_adhesion (relaxed/glassy modulus of the surface)^2. With the default, an edge exchanges the
+        work (relaxed/glassy modulus of the surface)^2. With the default, an edge exchanges the
         same energy with the glassy body next to it on both ways.
     snapshots : sequence of float
         Times of the radial profiles of pressure, displacement and gap.
@@ -372,14 +384,13 @@ def indent(
         the estimated error. With adhesion there are `edge_work`, the energy that the edge has taken less that
         it has gained, and the attribute `pull_off_force`, the largest pull; energy_residual grows by the
         energy lost in jumps. A punch that a force has torn off has the depth of the surface, free of work.
+        `plot()` draws it.
 
     Raises
     ------
-    TypeError
-        If the body has no `stiffness` or `spectrum`, or an argument is not a number.
-    ValueError
+    ConfigError
         If the input is impossible; the message has the reason and the allowed values.
-    ArithmeticError
+    ConvergenceError
         If the tolerance is not reached.
 
     Examples
@@ -391,29 +402,57 @@ def indent(
     >>> abs(float(found.force[-1]) / (4 / 3 * 4.0 * 0.01**1.5) - 1) < 1e-4
     True
     """
-    import xarray
-
-    check_body(body, "stiffness", "spectrum")
+    body = body_of(body, "stiffness", "spectrum")
     history = _history(time, depth, force)
-    _check_numbers(tolerance, work_of_adhesion, edge_speed, edge_exponent, healing_work or 0.0)
-    if not work_of_adhesion and history.by_force and history.value.min() < 0:
-        raise ValueError(f"force: got {history.value.min():.6g}; must be >= 0 without adhesion")
+    _check_numbers(tolerance, work, edge_speed, edge_exponent, healing_work or 0.0)
+    if not work and history.by_force and history.value.min() < 0:
+        raise ConfigError([f"force: got {history.value.min():.6g}; must be >= 0 without adhesion"])
     if not history.by_force and history.value.max() >= (floor := getattr(body, "rigid_below", math.inf)):
-        raise ValueError(f"depth: got {history.value.max():.6g}; must be above the rigid base, < {floor!r}")
-    body = _beside_springs(body, float(np.ptp(history.time)))
-    kept, rows = (np.unique(np.asarray(each, dtype=float)) for each in (snapshots, times))
+        raise ConfigError(
+            [f"depth: got {history.value.max():.6g}; must be above the rigid base, < {floor!r}"]
+        )
+    body = _as_series(body, history.time, tolerance)
+    kept, rows = (
+        np.unique(_numbers(name, each)) for name, each in (("snapshots", snapshots), ("times", times))
+    )
     for name, each in (("snapshots", kept), ("times", rows)):
         if each.size and not (history.time[0] <= each[0] and each[-1] <= history.time[-1]):
-            raise ValueError(f"{name}: got {each}; must be between the first and the last time")
+            raise ConfigError([f"{name}: got {each}; must be between the first and the last time"])
     run = IsolatedIndentation(
         body,
-        as_revolution(indenter),
+        as_revolution(punch),
         history,
         tolerance=tolerance,
-        adhesion=Edge(work_of_adhesion, edge_speed, edge_exponent, healing_work),
+        adhesion=Edge(work, edge_speed, edge_exponent, healing_work),
         snapshots=kept.tolist(),
         stops=rows.tolist(),
     )
+    try:
+        return _data_of(run, adhesive=work > 0)
+    except ArithmeticError as error:
+        if isinstance(error, ConvergenceError):
+            raise
+        raise ConvergenceError(f"indent: {error}") from error
+    except ValueError as error:
+        if isinstance(error, GfmdlayerError):
+            raise
+        raise ConfigError([str(error)]) from None
+
+
+def _numbers(name: str, values: ArrayLike) -> FloatArray:
+    """Return an array of numbers; ConfigError for anything else."""
+    try:
+        return unmasked(values).astype(np.float64)
+    except (TypeError, ValueError):
+        raise ConfigError([f"{name}: got {shown(values)}; must be numbers"]) from None
+
+
+def _data_of(run: IsolatedIndentation, *, adhesive: bool) -> ContactData:
+    """Return the columns and profiles of an indentation as a dataset, with warnings."""
+    import xarray
+
+    from gfmdlayer.figures.contact_data import with_plot
+
     columns = run.columns()
     about = {column.name: column.described for column in INDENTATION}
     about |= {name: {"long_name": each.long_name, "units": each.units} for name, each in VARIABLES.items()}
@@ -421,23 +460,23 @@ def indent(
     data: dict[str, Any] = {name: ("time", values, about[name]) for name, values in columns.items()}
     coordinates = {"time": data.pop("time")}
     attributes = {"error": run.solved.error, "solutions": run.solved.solutions}
-    if work_of_adhesion:
+    if adhesive:
         meaning = {"long_name": "energy taken by the edge of the contact", "units": "energy"}
         data["edge_work"] = "time", run.solved.parted, meaning
         attributes["pull_off_force"] = max(0.0, -float(run.solved.force.min()))
-    if kept.size:
+    if run.snapshots:
         fields = run.profiles()
         data |= {name: (("snapshot", "r"), getattr(fields, name), about[name]) for name in FIELDS}
         coordinates |= {
             name: (name, each, about[name]) for name, each in (("snapshot", fields.time), ("r", fields.r))
         }
     for line in filter(None, (*run.warnings, run.unbalanced())):
-        warnings.warn(line, stacklevel=2)
-    return xarray.Dataset(data, coordinates, attributes)
+        warn(line)
+    return with_plot(xarray.Dataset(data, coordinates, attributes))
 
 
 def as_revolution(indenter: Any) -> Revolution:
-    """Return the profile of an indenter, see `indent`; ValueError if it is no convex body of revolution."""
+    """Return the profile of a punch, see `indent`; ConfigError if it is no convex body of revolution."""
     if isinstance(indenter, Revolution):
         return indenter
     if isinstance(indenter, Mapping):
@@ -446,20 +485,23 @@ def as_revolution(indenter: Any) -> Revolution:
         keys = dict(indenter)
         shape = SHAPES.get(keys.get("shape", next(iter(SHAPES))))
         if shape is None:
-            raise ValueError(f"shape: got {keys['shape']!r}; must be one of {', '.join(SHAPES)}")
+            word = keys["shape"]
+            allowed = f"must be one of {', '.join(SHAPES)}{nearest(str(word), SHAPES)}"
+            raise ConfigError([f"punch: shape: got {word!r}; {allowed}"])
         indenter = shape(**keys)
     if isinstance(indenter, OfRevolution):
         return indenter.revolution()
     if isinstance(indenter, tuple) and len(indenter) == 2:
         return of_table(*indenter)
-    raise ValueError(f"got {indenter!r}; must be a shape of revolution, its keys, or radii and heights")
+    allowed = "must be a shape of revolution such as Sphere(radius=1.0), its keys, or radii and heights"
+    raise ConfigError([f"punch: got {shown(indenter)}; {allowed}"])
 
 
 def _check_numbers(
-    tolerance: float, work_of_adhesion: float, edge_speed: float, edge_exponent: float, healing_work: float
+    tolerance: float, work: float, edge_speed: float, edge_exponent: float, healing_work: float
 ) -> None:
     numbers = {
-        "work_of_adhesion": work_of_adhesion,
+        "work": work,
         "edge_speed": edge_speed,
         "edge_exponent": edge_exponent,
         "healing_work": healing_work,
@@ -467,37 +509,36 @@ def _check_numbers(
     }
     for name, value in numbers.items():
         if np.ndim(value) or np.asarray(value).dtype.kind not in "iuf":
-            raise TypeError(f"{name}: got {value!r}; must be a number")
-    for name in ("work_of_adhesion", "healing_work"):
+            raise ConfigError([f"{name}: got {value!r}; must be a number"])
+    for name in ("work", "healing_work"):
         if not 0 <= numbers[name] < math.inf:
-            raise ValueError(f"{name}: got {numbers[name]!r}; must be finite and >= 0")
+            raise ConfigError([f"{name}: got {numbers[name]!r}; must be finite and >= 0"])
     if not edge_speed > 0:
-        raise ValueError(f"edge_speed: got {edge_speed!r}; must be > 0")
+        raise ConfigError([f"edge_speed: got {edge_speed!r}; must be > 0"])
     if not 0 < edge_exponent < math.inf:
-        raise ValueError(f"edge_exponent: got {edge_exponent!r}; must be finite and > 0")
+        raise ConfigError([f"edge_exponent: got {edge_exponent!r}; must be finite and > 0"])
     if not FINEST <= tolerance < math.inf:
-        raise ValueError(f"tolerance: got {tolerance!r}; must be finite and >= {FINEST:g}")
-    if not work_of_adhesion and (edge_speed < math.inf or healing_work):
+        raise ConfigError([f"tolerance: got {tolerance!r}; must be finite and >= {FINEST:g}"])
+    if not work and (edge_speed < math.inf or healing_work):
         name = "edge_speed" if edge_speed < math.inf else "healing_work"
-        raise ValueError(f"{name}: got {numbers[name]!r} without adhesion; must have a work_of_adhesion > 0")
+        raise ConfigError([f"{name}: got {numbers[name]!r} without adhesion; must have a work > 0"])
 
 
 def _history(time: ArrayLike, depth: ArrayLike | None, force: ArrayLike | None) -> History:
     if (depth is None) == (force is None):
         got = "neither" if depth is None else "both"
-        raise ValueError(f"depth, force: got {got}; must be one of the two")
+        raise ConfigError([f"depth, force: got {got}; must be one of the two"])
     name = "depth" if force is None else "force"
     prescribed = depth if force is None else force
     assert prescribed is not None
-    times: FloatArray = unmasked(time).astype(np.float64)
-    values: FloatArray = unmasked(prescribed).astype(np.float64)
+    times, values = _numbers("time", time), _numbers(name, prescribed)
     if times.ndim != 1 or times.size < 2 or values.shape != times.shape:
-        raise ValueError(
-            f"{name}: got shape {values.shape} for times of shape {times.shape}; must be equal, two or more"
+        raise ConfigError(
+            [f"{name}: got shape {values.shape} for times of shape {times.shape}; must be equal, two or more"]
         )
     if not (np.isfinite(times).all() and np.isfinite(values).all()):
-        raise ValueError(f"time, {name}: must be finite")
+        raise ConfigError([f"time, {name}: must be finite"])
     if np.diff(times).min() <= 0:
         at = int(np.diff(times).argmin())
-        raise ValueError(f"time: got {times[at + 1]:.6g} after {times[at]:.6g}; must ascend")
+        raise ConfigError([f"time: got {times[at + 1]:.6g} after {times[at]:.6g}; must ascend"])
     return History(times, values, force is not None)

@@ -77,7 +77,7 @@ class Edge(NamedTuple):
         healing = most if self.healing is None else self.healing
         if healing > most * (1 + 1e-9):
             raise ValueError(
-                f"healing_work: got {healing:.6g}; must be <= {most:.6g}, work_of_adhesion times the square "
+                f"healing_work: got {healing:.6g}; must be <= {most:.6g}, work times the square "
                 "of the surface's relaxed over its glassy modulus: cycles would gain energy"
             )
         # Whole numbers would compile the kernels once more.

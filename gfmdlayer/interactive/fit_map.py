@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import html
-import os
 import tempfile
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
@@ -14,15 +12,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gfmdlayer.figures.map_plots import fit_map_figure
-from gfmdlayer.figures.plot_style import save
 from gfmdlayer.fitting.force_map import ForceMap
 from gfmdlayer.fitting.indentation import Given, answers_of
 from gfmdlayer.fitting.problem import Free
-from gfmdlayer.fitting.result import FitOptions
+from gfmdlayer.fitting.result import Fit, FitOptions, Table
 from gfmdlayer.fitting.starts import read_model
-from gfmdlayer.interactive.run import chosen_display, pool_of
+from gfmdlayer.interactive.run import check_jobs, chosen_display, pool_of
 from gfmdlayer.results.reader import open_results
 from gfmdlayer.study import interrupts
+from gfmdlayer.validation.entry import entry
 
 if TYPE_CHECKING:
     import xarray
@@ -30,7 +28,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class FitMap:
+class FitMap(Fit):
     """The fits of a force map.
 
     Parameters
@@ -72,7 +70,7 @@ class FitMap:
             rows.append([name, *cells])
         return ["parameter", "median", "quartiles", "unit", "curves"], rows
 
-    def _notes(self) -> Iterator[str]:
+    def sentences(self) -> Iterator[str]:
         """Yield the failed curves with their reasons, and one warning of each kind with its curves."""
         for name, reason in self.failed.items():
             yield f"failed: {name}: {reason}"
@@ -86,46 +84,29 @@ class FitMap:
         for alike in kinds.values():
             yield f"warning of {len(alike)}, such as {alike[0]}" if alike[1:] else f"warning of {alike[0]}"
 
-    def __str__(self) -> str:
+    def tables(self) -> list[Table]:
+        """Return the table of the parameters."""
+        return [self.table()]
+
+    def lines(self) -> list[str]:
         """Return a table of the parameters, the failed curves and the warnings."""
         head, rows = self.table()
         widths = [max(len(row[c]) for row in (head, *rows)) for c in range(len(head))]
         lines = ["  ".join(f"{cell:{w}}" for cell, w in zip(row, widths, strict=True)).rstrip()
                  for row in (head, *rows)]  # fmt: skip
         count = int((self.data["case"] >= 0).sum())
-        return "\n".join([f"Fits of {count} curves, each by itself", *lines, *self._notes()])
+        return [f"Fits of {count} curves, each by itself", *lines, *self.sentences()]
 
-    def _repr_html_(self) -> str:
-        head, rows = self.table()
-        cells = [
-            f"<tr>{''.join(f'<td>{html.escape(cell)}</td>' for cell in row)}</tr>" for row in (head, *rows)
-        ]
-        return f"<table>{''.join(cells)}</table>" + "".join(f"<p>{html.escape(n)}</p>" for n in self._notes())
-
-    def plot(self, path: str | os.PathLike[str] | None = None, names: Sequence[str] = ()) -> Figure:
-        """Draw parameters and their errors over the sample, failed curves hatched; also into a file.
-
-        Parameters
-        ----------
-        path : path-like, optional
-            Also writes the picture to this file, .png, .pdf or .svg.
-        names : sequence of str
-            Parameters to draw; all by default.
-
-        Returns
-        -------
-        matplotlib.figure.Figure
-        """
-        figure = fit_map_figure(self.data, z=names)
-        if path is not None:
-            save(figure, Path(path))
-        return figure
+    def figure(self, names: Sequence[str] = ()) -> Figure:
+        """Draw parameters, all or these, and their errors over the sample, failed curves hatched."""
+        return fit_map_figure(self.data, z=names)
 
     def to_dataset(self) -> xarray.Dataset:
         """Return `data`."""
         return self.data
 
 
+@entry()
 def fit_map(
     curves: Given | Iterable[Given],
     model: Mapping[str, object] | str | Path,
@@ -133,11 +114,11 @@ def fit_map(
     *,
     units: Sequence[str] | Mapping[str, str] | None = None,
     decimal: str | None = None,
-    columns: Sequence[str] = (),
+    columns: str | Sequence[str] = (),
     loss: str = "linear",
     profile: bool = False,
     contact: str = "given",
-    segments: Sequence[str] = (),
+    segments: str | Sequence[str] = (),
     prescribed: str | None = None,
     stiffness: float | None = None,
     stiffness_error: float | None = None,
@@ -202,10 +183,10 @@ def fit_map(
     >>> [round(G, 2) for G in fits["G"].values.tolist()]
     [7.0, 8.0]
     """
-    between = None if range is None else (float(range[0]), float(range[1]))
+    check_jobs(jobs)
     options = FitOptions(
-        loss, profile, contact, tuple(segments), prescribed, stiffness, stiffness_error, adhesion,
-        sensitivity, sampling, baseline, weight, between,
+        loss, profile, contact, segments, prescribed, stiffness, stiffness_error, adhesion, sensitivity,
+        sampling, baseline, weight, range,
     )  # fmt: skip
     data, keys = read_model(model, free)
     answers = answers_of(units, decimal, columns)

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -14,11 +14,13 @@ from gfmdlayer.body.materials import Elastic
 from gfmdlayer.body.pair import downwards, stacks
 from gfmdlayer.body.solid import LayerDepth, beyond, places
 from gfmdlayer.config import ConfigError
+from gfmdlayer.config.reader import body_of
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.history.inside import INVARIANTS, Interior, NormalInterior, PairInterior, invariants, named
 from gfmdlayer.history.traction_inside import TractionInterior
-from gfmdlayer.interactive.one_contact import config_of, derived, numbers_in
+from gfmdlayer.interactive.one_contact import check_data, config_of, derived, numbers_in
 from gfmdlayer.results.names import VARIABLES
+from gfmdlayer.validation.entry import entry
 from gfmdlayer.validation.problems import shown
 
 if TYPE_CHECKING:
@@ -27,11 +29,12 @@ if TYPE_CHECKING:
     from gfmdlayer.arrays import ComplexArray, FloatArray
 
 
+@entry()
 def inside(
     data: xarray.Dataset,
     depths: Sequence[float] | FloatArray,
     *,
-    body: Body | None = None,
+    body: Body | Mapping[str, Any] | None = None,
     trust: bool = False,
 ) -> xarray.Dataset:
     """Return displacements and stresses below the surface.
@@ -45,7 +48,7 @@ def inside(
     depths : sequence of float, shape (n,)
         Depths z >= 0 below the surface of the undeformed body [length], increasing; of two bodies those below
         zero are in the counterbody, which is above.
-    body : Body, optional
+    body : Body or mapping, optional
         A `LayerStack`, a body of `halfspace` or `bonded_layer`, or a `Pair` of them; default: the body of
         the case's configuration.
     trust : bool
@@ -84,10 +87,12 @@ def inside(
     >>> float((below.largest_shear.max() / found.pressure.max()).round(2))
     0.3
     """
+    check_data(data)
     axes = _checked(data)
     has_springs = "spring_force" in data and body is None
     shear = [f"shear_{axis}" for axis in axes if f"shear_{axis}" in data]
-    bodies, elastic = _layers(body, data, known=has_springs, trust=trust)
+    solid = None if body is None else body_of(body)
+    bodies, elastic = _layers(solid, data, known=has_springs, trust=trust)
     rows = _places(bodies, depths)
     leads = [str(name) for name in data["pressure"].dims if name not in axes]
     steps = [float(data[name][1] - data[name][0]) for name in axes]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import warnings
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -11,10 +10,13 @@ import numpy as np
 
 from gfmdlayer.body.body import Body
 from gfmdlayer.config import ConfigError
-from gfmdlayer.interactive.one_contact import config_of, derived
+from gfmdlayer.config.reader import body_of
+from gfmdlayer.errors import warn
+from gfmdlayer.interactive.one_contact import check_data, config_of, derived
 from gfmdlayer.observables.transport import CRITICAL_GAPS, FLOW, THROATS
 from gfmdlayer.transport.leakage import doubts, flow_through, numbers_of
 from gfmdlayer.transport.percolation import Throat, throats
+from gfmdlayer.validation.entry import entry
 from gfmdlayer.validation.problems import shown
 
 if TYPE_CHECKING:
@@ -35,6 +37,7 @@ _LONG_NAMES = {
 }
 
 
+@entry()
 def leakage(
     data: xarray.Dataset,
     *,
@@ -43,7 +46,7 @@ def leakage(
     along: Literal["x", "y"] = "x",
     length: float | None = None,
     width: float | None = None,
-    body: Body | None = None,
+    body: Body | Mapping[str, Any] | None = None,
     fields: bool = False,
     trust: bool = False,
 ) -> xarray.Dataset:
@@ -63,7 +66,7 @@ def leakage(
     length, width : float, optional
         Of the seal, along the flow and across it; default: length and width of the cell, and 1 along the
         ridges of a line.
-    body : Body, optional
+    body : Body or mapping, optional
         For the lift of the surface; default: the body of the case's configuration.
     fields : bool
         Whether to return the pressure and the flow at each point of a surface.
@@ -109,6 +112,7 @@ def leakage(
     (1.735, 0.1492, 149.2)
     """
     seal = {"viscosity": viscosity, "pressure_drop": pressure_drop, "length": length, "width": width}
+    check_data(data)
     grid = _grid(data, along, seal)
     leads = [str(name) for name in data["gap"].dims if name not in grid]
     gaps = data["gap"].transpose(*leads, *grid)
@@ -118,11 +122,12 @@ def leakage(
     if viscosity is not None and pressure_drop is not None:
         cell = (*period, 1.0)[:2] if along == "x" else (*period, 1.0)[1::-1]  # 1 along the ridges of a line
         rate = pressure_drop / (12 * viscosity) / (length or cell[0]) * (width or cell[1])
+    solid = None if body is None else body_of(body)
     if body is None and pressure_drop is not None:
         try:
-            body = None if (config := config_of(data, trust=trust)) is None else config.solid
+            solid = None if (config := config_of(data, trust=trust)) is None else config.solid
         except ConfigError as error:  # of code, or of files that have moved
-            warnings.warn(f"lift is left out, which needs the body: {error}", stacklevel=2)
+            warn(f"lift is left out, which needs the body: {error}")
     shape = tuple(data.sizes[name] for name in leads)
     quantities: dict[str, FloatArray] = {}
     said: list[str] = []
@@ -140,8 +145,8 @@ def leakage(
         for axis, throat in narrow.items():
             reasons += doubts(axis, throat, depth, residual, gap.shape)
         if pressure_drop is not None and along in narrow:
-            lift, more = _lift(narrow[along], gap, state, spacing, body, pressure_drop)
-            row |= {} if body is None else {"lift": lift}
+            lift, more = _lift(narrow[along], gap, state, spacing, solid, pressure_drop)
+            row |= {} if solid is None else {"lift": lift}
             reasons += more
         if fields and len(grid) == 2:
             row |= dict(zip(("fluid_pressure", "flow_x", "flow_y"), fluid, strict=True))
@@ -152,7 +157,7 @@ def leakage(
     if (further := len(said) - MOST_SAID) > 0:
         said[MOST_SAID:] = [f"{further} more doubts of this kind"]
     for text in said:
-        warnings.warn(text, stacklevel=2)
+        warn(text)
     columns = (*FLOW, *THROATS, *CRITICAL_GAPS)
     meanings = {column.name: (column.long_name, column.units) for column in columns} | _LONG_NAMES
     dims = {name: [*leads, *grid] if array.ndim > len(leads) else leads for name, array in quantities.items()}

@@ -10,12 +10,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gfmdlayer.config import Config
+from gfmdlayer.config import Config, ConfigError
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.results.case_file import Labelled, labelled
 from gfmdlayer.results.names import VARIABLES
 from gfmdlayer.results.provenance import provenance
 from gfmdlayer.results.reader import config_in
+from gfmdlayer.validation.problems import shown
 from gfmdlayer.validation.units import Units
 
 if TYPE_CHECKING:
@@ -61,6 +62,13 @@ def number_in(value: Any) -> float:
         return float(value) if np.ndim(value) == 0 else math.nan
     except (TypeError, ValueError):
         return math.nan
+
+
+def check_data(data: object) -> None:
+    """Raise a ConfigError for what is no dataset."""
+    if not hasattr(data, "data_vars"):
+        allowed = "must be an xarray.Dataset of run, solve, open_case or open_results"
+        raise ConfigError([f"data: got {shown(data)}; {allowed}"])
 
 
 def config_of(data: xarray.Dataset, *, trust: bool) -> Config | None:

@@ -13,19 +13,18 @@ import sys
 import tempfile
 import threading
 import time
-import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, ExitStack, contextmanager
 from functools import partial
 from multiprocessing import current_process, parent_process
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, NoReturn
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from gfmdlayer.arrays import unmasked
-from gfmdlayer.body.solid import Solid
+from gfmdlayer.body.bodies import is_in_memory
 from gfmdlayer.case.accuracy import accuracy
 from gfmdlayer.case.model import ConvergenceError, model_of
 from gfmdlayer.case.notes import notes
@@ -33,6 +32,7 @@ from gfmdlayer.config import Config, ConfigError, digest
 from gfmdlayer.config.reader import Inspection, from_python, gives
 from gfmdlayer.config.sweeps import swept_keys
 from gfmdlayer.config.trajectory import Trajectory
+from gfmdlayer.errors import warn
 from gfmdlayer.files.cache import MemoryFile
 from gfmdlayer.files.whole import unfinished
 from gfmdlayer.grid.grid import Grid
@@ -49,6 +49,8 @@ from gfmdlayer.study.folder import Folder, name_of_run, read_config
 from gfmdlayer.study.progress import PREPARATION, Display, Progress, Reporter, make_display
 from gfmdlayer.study.run import RunOptions, run_study
 from gfmdlayer.study.schedule import Outcome, Schedule
+from gfmdlayer.validation.entry import entry
+from gfmdlayer.validation.problems import shown
 from gfmdlayer.validation.sections import files_named
 
 if TYPE_CHECKING:
@@ -131,6 +133,8 @@ def on_disk(config: Config, folder: Path) -> Config:
     keys: dict[str, Any] = {}
     held = {key: file for key, file in files_named(config).items() if isinstance(file, MemoryFile)}
     for key, file in held.items():
+        if is_in_memory(file):
+            _refuse_class(key, "in a folder")
         path = folder.absolute() / file.name
         if not path.exists():
             folder.mkdir(parents=True, exist_ok=True)
@@ -256,7 +260,7 @@ def _compute(case: SweepCase, threads: int, claim: Claim | AtWork) -> Outcome:
 def _run_in_memory(cases: Cases, progress: bool | None, jobs: int, threads: int) -> xarray.Dataset:
     """Run the cases on a number of processes, this one among them; return their data."""
     config, every, display = cases.config, list(cases), chosen_display(progress)
-    _warn(notes(case.config for case in every), 4)
+    _warn(notes(case.config for case in every))
     if min(jobs, len(every)) == 1:
         results = _one_after_the_other(every, display, threads)
     else:
@@ -267,7 +271,7 @@ def _run_in_memory(cases: Cases, progress: bool | None, jobs: int, threads: int)
         (result,) = (_result(outcome) for outcome in results)
         if result.error is not None:
             raise result.error
-        _warn(result.said, 4)
+        _warn(result.said)
         assert result.data is not None
         return result.data.dataset()
     return _gathered(config, every, results)
@@ -300,7 +304,7 @@ def _side_by_side(
     outcomes: dict[int, Outcome] = {}
     with _scratch() as folder, pool_of(jobs) as pool, ExitStack() as shown:
         reporter = _reported(shown, folder, every, display or Display())
-        _warn(case_run.warm_up(every), 5)  # before several processes do
+        _warn(case_run.warm_up(every))  # before several processes do
         task = partial(_compute_claimed, folder=folder, threads=threads)
         schedule = Schedule(pool, task, folder, reporter.ended)
         reporter.at_work = schedule.at_work
@@ -357,6 +361,7 @@ def pool_of(jobs: int) -> AbstractContextManager[workers.WorkerPool]:
 Punch = ArrayLike | Callable[..., ArrayLike] | Shape | Mapping[str, Any]
 
 
+@entry()
 def run(
     config: str | Path | Mapping[str, Any] | Config,
     *,
@@ -433,13 +438,34 @@ def run(
     """
     if getattr(current_process(), "_inheriting", False):  # it is being started, and imports the script
         raise RuntimeError(f"run was called while a process of another run starts: {GUARD}")
-    if not isinstance(jobs, int) or jobs < 1:
-        raise ConfigError([f"jobs: got {jobs!r}; must be a whole number >= 1"])
+    check_jobs(jobs, threads)
+    if not isinstance(progress, bool | None):
+        raise ConfigError([f"progress: got {shown(progress)}; must be True, False or None"])
+    if not isinstance(out, str | os.PathLike | None):
+        raise ConfigError([f"out: got {shown(out)}; must be the name of a folder"])
     keys = {key.replace("__", "."): value for key, value in values.items()}
     cases = checked(partial(configuration, config, punch, history, keys, trust))
+    if jobs > 1:
+        for key, file in files_named(cases.config).items():
+            if is_in_memory(file):
+                _refuse_class(key, "with several jobs")
     if out is not None:
         return _run_in_folder(cases, Path(out), progress, jobs, threads)
     return _run_in_memory(cases, progress, jobs, threads)
+
+
+def _refuse_class(key: str, where: str) -> NoReturn:
+    """Raise a ConfigError for a body of a class that no file defines, where other processes need it."""
+    key = key.removesuffix(".file")
+    message = f"{key}: got a class of this session, which runs {where} cannot read"
+    raise ConfigError([f"{message}; must be in a file: {{file: mine.py, ...}}"])
+
+
+def check_jobs(jobs: object, threads: object = 1) -> None:
+    """Raise a ConfigError unless these are whole numbers above zero."""
+    for name, value in (("jobs", jobs), ("threads", threads)):
+        if not isinstance(value, int) or value < 1:
+            raise ConfigError([f"{name}: got {shown(value)}; must be a whole number >= 1"])
 
 
 def configuration(
@@ -453,11 +479,6 @@ def configuration(
     """Return the checked configuration, with arrays as files in memory."""
     if not isinstance(config, str | os.PathLike | Mapping | Config):
         raise ConfigError([f"config: got {type(config).__name__}; must be a path, a mapping or a Config"])
-    if "body" in values and not isinstance(values["body"], Mapping | Solid | None):
-        message = (
-            "must be a Solid, or its keys, such as {file: mine.py, ...}; gfmdlayer.Case takes other bodies"
-        )
-        raise ConfigError([f"body: got {type(values['body']).__name__}; {message}"])
     if isinstance(punch, Shape | Mapping | str):
         values, punch = values | {"punch": punch}, None
     if punch is not None:
@@ -483,7 +504,7 @@ def _gathered(config: Config, every: Sequence[SweepCase], outcomes: Sequence[Out
     errors = [result.error for result in results if result.error]
     if len(errors) == len(every):
         raise errors[0]
-    _warn(dict.fromkeys(text for result in results for text in result.said), 5)
+    _warn(dict.fromkeys(text for result in results for text in result.said))
     failed = [each for each in outcomes if each.state == "failed"]
     _warn_of_failures([f"{each.index:04d}: {each.reason}" for each in failed], len(every))
     records = [
@@ -498,7 +519,7 @@ def _run_in_folder(cases: Cases, out: Path, progress: bool | None, jobs: int, th
     Folder(out).refuse_foreign()
     config = on_disk(cases.config, out / "arrays")
     cases = cases if config is cases.config else Cases(config)
-    _warn(notes(case.config for case in cases.sample()), 4)
+    _warn(notes(case.config for case in cases.sample()))
     display = chosen_display(progress)
     show = None if display is None else lambda: display
     with interrupts.listening(), pool_of(jobs) as pool:
@@ -518,10 +539,10 @@ def _run_in_folder(cases: Cases, out: Path, progress: bool | None, jobs: int, th
 
 def _warn_of_failures(reasons: Sequence[str], total: int) -> None:
     if reasons:
-        _warn([f"{len(reasons)} of {total} cases failed and are NaN:\n" + "\n".join(reasons)], 5)
+        _warn([f"{len(reasons)} of {total} cases failed and are NaN:\n" + "\n".join(reasons)])
 
 
-def _warn(texts: Iterable[str], level: int) -> None:
-    """Warn of each, at the line that called `run`, so many calls above."""
+def _warn(texts: Iterable[str]) -> None:
+    """Warn of each."""
     for text in texts:
-        warnings.warn(text, stacklevel=level)
+        warn(text)

@@ -4,20 +4,20 @@ from __future__ import annotations
 
 import json
 import math
-import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
-from inspect import signature
-from typing import TYPE_CHECKING, Any, TypedDict, Unpack, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gfmdlayer.body.body import Body, check_body
+from gfmdlayer.body.body import Body
+from gfmdlayer.body.continuous import ContinuousLaw
 from gfmdlayer.body.isolated import IsolatedBody
 from gfmdlayer.body.isolated import isolated as without_images
+from gfmdlayer.body.materials import Elastic, Law
 from gfmdlayer.body.pair import Pair
 from gfmdlayer.body.solid import Solid
 from gfmdlayer.case.checks import too_deep, weak
@@ -26,11 +26,12 @@ from gfmdlayer.case.normal import NormalContact
 from gfmdlayer.case.parts import Parts
 from gfmdlayer.case.wider_cell import wider_cell, within
 from gfmdlayer.config import Config, ConfigError
-from gfmdlayer.config.reader import from_python
-from gfmdlayer.contact.loading import Loading
+from gfmdlayer.config.reader import body_of, from_python
+from gfmdlayer.contact.loading import Loading, is_pulled_off
 from gfmdlayer.contact.problem import in_contact, why_not_converged
 from gfmdlayer.contact.reach import EDGE, Reach
 from gfmdlayer.drives import Drives
+from gfmdlayer.errors import warn
 from gfmdlayer.files.tables import TableError
 from gfmdlayer.friction.isolated import without_images as kernels_without_images
 from gfmdlayer.friction.problem import FrictionProblem, FrictionSolution
@@ -40,6 +41,7 @@ from gfmdlayer.grid.grid import Grid
 from gfmdlayer.grid.transforms import Transforms
 from gfmdlayer.grid.wider import WiderCell
 from gfmdlayer.interactive.one_contact import MEANINGS, dataset, meaning, number_in, numbers_in
+from gfmdlayer.interactive.surface import Punch, surface_of
 from gfmdlayer.interface.friction import ShearBound
 from gfmdlayer.interface.interface import Interface
 from gfmdlayer.interface.law import HARD_WALL, Interaction
@@ -48,9 +50,10 @@ from gfmdlayer.observables import totals
 from gfmdlayer.observables.contact import FEWEST, UPSIDE_DOWN
 from gfmdlayer.observables.contact_statistics import contact_extent, is_upside_down
 from gfmdlayer.punch.shape import Cell, Shape
-from gfmdlayer.punch.topography import fitting, numbers, outward_heights
+from gfmdlayer.punch.topography import fitting, outward_heights
 from gfmdlayer.time_functions import Constant
-from gfmdlayer.validation.problems import nearest, shown
+from gfmdlayer.validation.entry import entry
+from gfmdlayer.validation.problems import shown
 from gfmdlayer.validation.sections import plain
 
 if TYPE_CHECKING:
@@ -60,73 +63,76 @@ if TYPE_CHECKING:
     from gfmdlayer.body.relaxation import Spectrum
     from gfmdlayer.contact.loading import Surface
     from gfmdlayer.contact.problem import Problem, Solution
-
-POINTS = 1024  # of a line, where neither `points` nor an array says how many
-
+    from gfmdlayer.figures.contact_data import ContactData
 
 MOST_STRAIN = 1.0  # about, beyond which a result of linear elasticity means nothing
 
 
-class Options(TypedDict, total=False):
-    """Options of `solve`, in addition to its arguments."""
-
-    instantaneous: bool
-    isolated: bool
-    datum: float
-    method: str
-    tolerance: float
-    inertia: str
-    max_iterations: int
-    friction: float | Mapping[str, float]
-    tangential_force: float | Sequence[float]
-    tangential_displacement: float | Sequence[float]
-    previous: xarray.Dataset
-
-
+@entry()
 def solve(
-    body: Body,
-    punch: ArrayLike | Callable[..., ArrayLike] | Shape | Mapping[str, Any],
+    body: Body | Mapping[str, Any],
+    punch: Punch,
     *,
-    depth: float | None = None,
-    mean_pressure: float | None = None,
-    force: float | None = None,
-    period: float | tuple[float, float] = 1.0,
+    depth: float | Sequence[float] | None = None,
+    mean_pressure: float | Sequence[float] | None = None,
+    force: float | Sequence[float] | None = None,
+    period: float | tuple[float, float] | None = None,
     points: int | tuple[int, ...] | None = None,
     interface: Interface | Mapping[str, Any] | Sequence[Any] | Interaction = HARD_WALL,
-    **options: Unpack[Options],
-) -> xarray.Dataset:
+    instantaneous: bool = False,
+    isolated: bool = False,
+    datum: float | None = None,
+    friction: float | Mapping[str, float] | None = None,
+    tangential_force: float | Sequence[float] | None = None,
+    tangential_displacement: float | Sequence[float] | None = None,
+    previous: xarray.Dataset | None = None,
+    method: str | None = None,
+    tolerance: float | None = None,
+    inertia: str | None = None,
+    max_iterations: int | None = None,
+) -> ContactData:
     """Solve the contact of a rigid punch with an elastic body in a periodic cell.
 
     Parameters
     ----------
-    body : Body
-        A `halfspace`, a `bonded_layer`, or another; a viscoelastic body is relaxed. A body of your own needs
-        `mean_stiffness` and `spectrum`.
-    punch : array_like, callable, Shape or mapping
+    body : Body or mapping
+        A `halfspace`, a `bonded_layer`, another, or its keys in a configuration; a viscoelastic body is
+        relaxed. A body of your own needs `mean_stiffness` and `spectrum`.
+    punch : array_like, callable, path, Topography, DataArray, Shape or mapping
         Heights outward from the punch, as an array of the grid's shape or a function of x, or of x and y: the
-        largest touches first, and a round punch is -x^2/(2 R). Or a shape, such as `Sphere`, or its keys.
-    depth, mean_pressure, force : float
+        largest touches first, and a round punch is -x^2/(2 R). Or a shape, such as `Sphere`, or its keys. Or
+        a measured surface, whose points, period and unit are taken: a file, `Topography`, the object of the
+        package SurfaceTopography, or a DataArray over equally spaced x, y.
+    depth, mean_pressure, force : float, or sequence of float
         One of them: depth of the punch below the height at which it touches the surface at rest; mean
-        pressure over the cell; force over the cell, per length for a line.
-    period : float, or pair of float
-        Length of the cell, along each axis.
+        pressure over the cell; force over the cell, per length for a line. Of several, each contact begins
+        from the one before, and the result has a dimension of this name.
+    period : float, or pair of float, optional
+        Length of the cell, along each axis; default: the size of the surface, or 1.
     points : int, or pair of int, optional
-        Points of the grid, for a line or a surface; default: the shape of the array, or 1024 on a line.
+        Points of the grid, for a line or a surface; default: those of the array or of the measured surface,
+        or 1024 on a line.
     interface : Interface, mapping or sequence
         Law of the interaction across the gap, such as `Exponential`, or its keys; the laws of a sequence
         add. Default: a hard wall.
-    **options
-        instantaneous : whether a viscoelastic body is glassy instead of relaxed. isolated : whether the
-        contact has no periodic images. One that is wider than some 0.4 periods, with friction half of a
-        period, is computed in a larger cell, of which the attribute `cell` tells the cost. datum : of an
-        isolated line on a halfspace, the distance at which the surface counts as at rest. method,
-        tolerance, inertia, max_iterations : of the solver, as in a configuration.
-        friction : coefficient of friction, or a mapping with `coefficient` mu, `strength` tau_0 (pressure)
-        or both: the shear traction of a point is at most the smaller of mu p and tau_0, with the pressure p
-        of the wall, which presses against the attraction too.
-        tangential_force, tangential_displacement : with friction, one of them: of the punch along x, or along
-        x and y, over the cell (per length for a line) and from its place before the first contact. By default
-        the punch keeps its place. previous : with friction, the result from which this step starts.
+    instantaneous : bool
+        Whether a viscoelastic body is glassy instead of relaxed.
+    isolated : bool
+        Whether the contact has no periodic images. One that is wider than some 0.4 periods, with friction
+        half of a period, is computed in a larger cell, of which the attribute `cell` tells the cost.
+    datum : float, optional
+        Of an isolated line on a halfspace, the distance at which the surface counts as at rest.
+    friction : float or mapping, optional
+        Coefficient of friction, or a mapping with `coefficient` mu, `strength` tau_0 (pressure) or both: the
+        shear traction of a point is at most the smaller of mu p and tau_0, with the pressure p of the wall,
+        which presses against the attraction too.
+    tangential_force, tangential_displacement : float, or pair of float, optional
+        With friction, one of them: of the punch along x, or along x and y, over the cell (per length for a
+        line) and from its place before the first contact. By default the punch keeps its place.
+    previous : xarray.Dataset, optional
+        With friction, the result from which this step starts.
+    method, tolerance, inertia, max_iterations : optional
+        Of the solver, as in a configuration.
 
     Returns
     -------
@@ -138,7 +144,7 @@ def solve(
         units of the arguments. An isolated contact has area, area_interpolated and area_error (of a line, of
         the width) in place of parts and means of the cell,
         and displacement and gap are NaN where they are not known, further from a point in contact than the
-        reach.
+        reach. Of a measured surface the attributes `read` and `unit_of_length`. `plot()` draws it.
 
         With friction also shear_x (traction of the punch on the body), slip_x (of the body against the
         punch, in this step; NaN out of contact), displacement_x, stick, stick_area, tangential_force_x and
@@ -149,10 +155,8 @@ def solve(
     ------
     ConfigError
         If an argument cannot be used.
-    TypeError
-        If the body has no `mean_stiffness` or `spectrum`.
     ConvergenceError
-        If the solver does not reach its tolerance, with its last state.
+        If the solver does not reach its tolerance, with its last state, or no contact carries the pull.
 
     Notes
     -----
@@ -191,6 +195,13 @@ def solve(
     >>> abs(float(found.pressure.max() / (mean * 2 / 0.5**0.5)) - 1) < 1e-6  # the solver's tolerance
     True
 
+    Several loads in one call, such as the contact area over the load of a measured surface:
+
+    >>> rough = gfmdlayer.SelfAffine(hurst=0.8, rms_slope=0.1, short_cutoff=0.05, seed=1)
+    >>> found = gfmdlayer.solve(gfmdlayer.halfspace(1.0), rough, mean_pressure=[0.01, 0.02], points=(64, 64))
+    >>> found.contact_area.dims, bool(found.contact_area[1] > found.contact_area[0])
+    (('mean_pressure',), True)
+
     A parabola on a thin compressible layer, bonded to a rigid base: springs of 2 G (1 - nu)/((1 - 2 nu) d),
     so that the force per length is 4/3 of this times depth^(3/2) (2 R)^(1/2), but for terms in (d/a)^2.
 
@@ -208,42 +219,98 @@ def solve(
     >>> abs(float(found.stick_area / found.contact_area) - (1 - 0.003 / (0.4 * 0.01)) ** 0.5) < 0.01
     True
     """
-    _check_options(options)
-    check_body(body, "mean_stiffness", "spectrum")
-    frictional = {name: options.pop(name) for name in FRICTIONAL if name in options}  # type: ignore[misc]
-    instantaneous, alone = options.pop("instantaneous", False), options.pop("isolated", False)
-    datum = options.pop("datum", None)
-    sections: dict[str, Any] = {"punch": punch} if isinstance(punch, Mapping | str) else {}
+    body = _at_rest(body_of(body, "mean_stiffness", "spectrum"), glassy=instantaneous)
+    given_friction = {
+        "friction": friction, "tangential_force": tangential_force,
+        "tangential_displacement": tangential_displacement, "previous": previous,
+    }  # fmt: skip
+    frictional = {name: value for name, value in given_friction.items() if value is not None}
+    solver = {"method": method, "tolerance": tolerance, "inertia": inertia, "max_iterations": max_iterations}
+    solver = {name: value for name, value in solver.items() if value is not None}
+    surface = surface_of(punch, points, period)
+    sections: dict[str, Any] = {"punch": punch} if isinstance(surface.heights, Mapping) else {}
     if isinstance(interface, Interface | Mapping | Sequence):
         sections["interface"] = interface
-    config = _config({"points": _points(punch, points), "period": period}, options, sections)
+    elif not hasattr(interface, "traction"):
+        allowed = "must be a law such as Exponential(work=..., range=...), its keys, or a list of laws"
+        raise ConfigError([f"interface: got {shown(interface)}; {allowed}"])
+    config = _config({"points": surface.points, "period": surface.period}, solver, sections)
     grid = Grid(config.grid.points, config.grid.period)
     _check_grid(body, grid)
     law: Interaction = Drives(config).interface if "interface" in sections else interface  # type: ignore[assignment]
     if frictional:
         _check_friction(frictional, yields=config.hardness is not None)
-    if mean_pressure is not None and alone:
+    if mean_pressure is not None and isolated:
         raise ConfigError(["mean_pressure: given with isolated=True; must be depth or force"])
-    if datum is not None and not alone:
+    if datum is not None and not isolated:
         raise ConfigError(["datum: only with isolated=True; remove it"])
-    control, target = _prescribed(depth, mean_pressure, force, math.prod(grid.period), law)
-    heights = _heights(config.punch if isinstance(punch, Mapping) else punch, grid)
-    stiffness = math.inf if alone else body.mean_stiffness
-    if control == "depth" and (message := too_deep(target, float(heights.mean()), stiffness)):
+    name, values = _prescribed(depth, mean_pressure, force, law)
+    heights = _heights(config.punch if isinstance(surface.heights, Mapping) else surface.heights, grid)
+    stiffness = math.inf if isolated else body.mean_stiffness
+    if name == "depth" and (message := too_deep(max(values), float(heights.mean()), stiffness)):
         raise ConfigError([f"depth: {message}"])
-    given = _Asked(config, grid, body, heights, (control, target), law, instantaneous, datum)
-    if frictional:
-        solve_with: Callable[..., xarray.Dataset] = partial(with_friction, solver=options, **frictional)
-    else:
-        solve_with = _without_friction
-    if not alone:
-        return solve_with(given)
-    try:
-        return _without_images(given, solve_with, friction=bool(frictional))
-    except ValueError as error:
-        if isinstance(error, ConfigError):
-            raise
-        raise ConfigError([f"isolated: {error}"]) from None
+    given = _Asked(config, grid, body, heights, (name, values[0]), law, instantaneous, datum, isolated)
+    found = list(_in_turn(given, name, values, frictional, solver))
+    for note in surface.notes:
+        warn(note)
+    several = np.ndim(next(value for value in (depth, mean_pressure, force) if value is not None)) > 0
+    whole = _along_loads(name, values, found) if several else found[0]
+    known = {"read": surface.account, "unit_of_length": surface.unit}
+    whole.attrs |= {key: text for key, text in known.items() if text}
+    from gfmdlayer.figures.contact_data import with_plot
+
+    return with_plot(whole)
+
+
+def _in_turn(
+    given: _Asked, name: str, values: Sequence[float], frictional: dict[str, Any], solver: Mapping[str, Any]
+) -> Iterator[xarray.Dataset]:
+    """Yield the contacts at several loads, each from the one before."""
+    area = math.prod(given.grid.period) if name == "force" else 1.0
+    for number, value in enumerate(values):
+        target = "depth" if name == "depth" else "load", value / area
+        given = replace(given, target=target, number=number, more=number + 1 < len(values))
+        solve_with: Callable[[_Asked], xarray.Dataset] = _without_friction
+        if frictional:
+            solve_with = partial(with_friction, solver=solver, **frictional)
+        if not given.alone:
+            found = solve_with(given)
+        else:
+            try:
+                found = _without_images(given, solve_with, friction=bool(frictional))
+            except ValueError as error:
+                if isinstance(error, ConfigError):
+                    raise
+                raise ConfigError([f"isolated: {error}"]) from None
+        if frictional:
+            frictional = {**frictional, "previous": found}
+        yield found
+
+
+def _along_loads(name: str, values: Sequence[float], found: Sequence[xarray.Dataset]) -> xarray.Dataset:
+    """Return the contacts at several loads along a dimension, which has the prescribed values."""
+    import xarray
+
+    about = found[0][name].attrs if name in found[0] else {}
+    along = xarray.DataArray([*values], dims=name, name=name, attrs=about)
+    return xarray.concat(
+        [each.drop_vars(name, errors="ignore") for each in found], along, combine_attrs="override"
+    )
+
+
+def _at_rest(body: Body, *, glassy: bool) -> Body:
+    """Return the body with two moduli in place of each continuous spectrum, of which one is asked for."""
+    laws: Sequence[Law] = getattr(body, "laws", ())
+    if not any(isinstance(law, ContinuousLaw) for law in laws):
+        return body
+    moduli = [law.glassy if glassy else law.relaxed for law in laws]
+    if not all(0 < modulus < math.inf for modulus in moduli):
+        how = "instantaneous" if glassy else "relaxed"
+        bad = next(law for law, modulus in zip(laws, moduli, strict=True) if not 0 < modulus < math.inf)
+        words = "give instantaneous=True, or run it over time" if not glassy else "run it over time"
+        number = "infinite" if glassy else "0"
+        raise ConfigError([f"body: the {how} modulus of {type(bad).__name__} is {number}; {words}"])
+    return cast("Any", body).with_series(list(map(Elastic, moduli)), 0.0)  # type: ignore[no-any-return]
 
 
 class _TooWideError(ConvergenceError):
@@ -264,6 +331,9 @@ class _Asked:
     datum: float | None = None
     alone: bool = False
     wider: WiderCell | None = None  # which the grid is, if the user sees less
+    number: int = 0  # of the load, of several
+    more: bool = False  # whether another one follows
+    kept: dict[tuple[int, ...], NormalContact] = field(default_factory=dict)  # of loads before, by their grid
 
     def inside(self, wider: WiderCell) -> _Asked:
         """Return the contact in a wider cell."""
@@ -288,7 +358,7 @@ class _Asked:
     def warn(self, reach: Reach) -> None:
         """Warn where the contact ends with the window."""
         if self.wider is not None and reach.at_the_edge(self.wider.points):
-            warnings.warn(EDGE.replace("grid.", ""), stacklevel=4)
+            warn(EDGE.replace("grid.", ""))
 
     def dataset(self, fields: Mapping[str, Any], scalars: Mapping[str, Any], *known: Any) -> xarray.Dataset:
         """Return what the user sees, with totals of an isolated contact."""
@@ -305,7 +375,6 @@ def _without_images(
     given: _Asked, solve_with: Callable[[_Asked], xarray.Dataset], *, friction: bool
 ) -> xarray.Dataset:
     """Solve an isolated contact in the cell that the user sees, or in the larger one that it needs."""
-    given = replace(given, alone=True)
     try:
         return solve_with(given)
     except (_TooWideError, ValueError) as error:
@@ -331,11 +400,16 @@ def _without_friction(given: _Asked) -> xarray.Dataset:
     spectrum = response.spectrum(grid.waves)
     kappa = np.ravel(spectrum.glassy) if given.glassy else _in_the_end(spectrum)
     nothing = np.zeros(kappa.shape, dtype=np.complex128)
-    contact = NormalContact(Parts(config, grid=grid, body=body, punch=given.heights, interface=law))
+    if (contact := given.kept.get(grid.points)) is None:
+        contact = NormalContact(Parts(config, grid=grid, body=body, punch=given.heights, interface=law))
+        given.kept[grid.points] = contact
     problem = contact.imprint.under(loading.problem(kappa, nothing, 0.0))
     if message := _beyond_the_hardness(problem):
         raise ConfigError([message])
-    solution = contact.solve(problem, 0.0)
+    solution = contact.solve(problem, given.number)
+    if is_pulled_off(problem.mean_pressure, solution.gap, law):
+        reason = f"PULLED OFF: no contact carries the mean pressure of {target:.6g}"
+        raise ConvergenceError(reason, problem, solution)
     if not solution.converged:
         solver = config.solver
         reason = why_not_converged(problem, solution, solver.method, solver.tolerance)
@@ -347,21 +421,19 @@ def _without_friction(given: _Asked) -> xarray.Dataset:
             raise _TooWideError(beyond, problem, solution)
         reach.remember(solution.pressure, noise)
         given.warn(reach)
+    contact.imprint.remember(solution)
+    if given.more:
+        start = getattr(solution, contact.solver.starts_from)
+        contact.guess.remember(given.number, start, solution.gap, at_breakpoint=True)
     points = int(in_contact(problem, solution).sum())
     if 0 < points < FEWEST and is_upside_down(problem.obstacle, grid):
-        warnings.warn(f"{points} point{'s' * (points > 1)} in contact; {UPSIDE_DOWN}", stacklevel=2)
+        warn(f"{points} point{'s' * (points > 1)} in contact; {UPSIDE_DOWN}")
     surface = loading.surface(solution, kappa, nothing, 0.0)
     _warn_of_strain(body, grid, kappa, solution, surface.depth)
     parts = _parts(contact.parts, surface, glassy=given.glassy) if reach is None else {}
+    if contact.imprint.yields:
+        parts |= {"imprint": contact.imprint.depth}
     return _dataset(given, problem, solution, surface, reach, parts)
-
-
-def _check_options(options: Mapping[str, object]) -> None:
-    """Raise a ConfigError for a misspelt argument of `solve`."""
-    if unknown := sorted(options.keys() - Options.__annotations__.keys()):
-        known = [*list(signature(solve).parameters)[2:-1], *Options.__annotations__]
-        allowed = f"unknown argument; allowed: {', '.join(known)}"
-        raise ConfigError(f"{name}: {allowed}{nearest(name, known)}" for name in unknown)
 
 
 def _check_friction(options: Mapping[str, object], *, yields: bool) -> None:
@@ -381,13 +453,6 @@ def _check_grid(body: Body, grid: Grid) -> None:
         problems = body.problems_on_grid(grid.points, grid.period)
         if messages := [f"body.{problem.key}: {problem.message}" for problem in problems]:
             raise ConfigError(messages)
-
-
-def _points(punch: object, points: int | tuple[int, ...] | None) -> Any:
-    """Return the points of the grid, by default the points of an array of heights."""
-    if points is not None:
-        return points
-    return POINTS if callable(punch) or isinstance(punch, Shape | Mapping | str) else numbers(punch).shape  # type: ignore[arg-type]
 
 
 def _config(grid: Mapping[str, Any], solver: Mapping[str, object], sections: Mapping[str, Any]) -> Config:
@@ -418,21 +483,20 @@ def _in_the_end(spectrum: Spectrum) -> FloatArray:
 
 
 def _prescribed(
-    depth: float | None, mean_pressure: float | None, force: float | None, area: float, interface: Interaction
-) -> tuple[str, float]:
-    """Return the kind of control and the depth or the mean pressure."""
+    depth: Any, mean_pressure: Any, force: Any, interface: Interaction
+) -> tuple[str, list[float]]:
+    """Return the prescribed quantity and its values."""
     values = {"depth": depth, "mean_pressure": mean_pressure, "force": force}
     prescribed = {name: value for name, value in values.items() if value is not None}
     if len(prescribed) != 1:
         names = " and ".join(prescribed) or "nothing"
         raise ConfigError([f"solve: got {names}; must be one of depth, mean_pressure and force"])
     ((name, value),) = prescribed.items()
-    number = number_in(value)
-    if not math.isfinite(number) or (number < 0 and not interface.attracts):
-        raise ConfigError([f"{name}: got {shown(value)}; must be a number >= 0, finite"])
-    if name == "depth":
-        return "depth", number
-    return "load", number / (area if name == "force" else 1.0)
+    found = numbers_in(value)
+    least = -math.inf if interface.attracts else 0.0
+    if found.ndim != 1 or not found.size or not (np.isfinite(found).all() and (found >= least).all()):
+        raise ConfigError([f"{name}: got {shown(value)}; must be a number >= 0, finite, or several"])
+    return name, found.tolist()
 
 
 def _heights(punch: ArrayLike | Callable[..., ArrayLike] | Shape, grid: Grid) -> FloatArray:
@@ -473,7 +537,7 @@ def _warn_of_strain(body: Body, grid: Grid, kappa: FloatArray, solution: Solutio
         strain = min(strain, abs(depth) / thickness)
     if strain > MOST_STRAIN:
         words = "linear elasticity, of small strains, does not hold"
-        warnings.warn(f"STRAINED: by about {strain:.2g} under the contact; {words}", stacklevel=4)
+        warn(f"STRAINED: by about {strain:.2g} under the contact; {words}")
 
 
 def _parts(parts: Parts, surface: Surface, *, glassy: bool) -> dict[str, FloatArray]:
@@ -497,14 +561,12 @@ def _dataset(
 ) -> xarray.Dataset:
     """Return fields and scalars of a solution; an isolated contact has a `reach`."""
     touching, grid = in_contact(problem, solution), given.grid
-    imprint = {} if solution.flow is None else {"imprint": solution.flow}
     extent = contact_extent(touching, solution.wall_pressure, solution.gap, grid)
     fields = {
         "displacement": surface.displacement,
         "pressure": solution.pressure,
         "gap": np.where(touching, 0.0, solution.gap),
         "contact": touching,
-        **imprint,
         **parts,
     }
     scalars = {
@@ -524,8 +586,6 @@ def _dataset(
 
 
 # With friction: one step of a punch that sticks and slips.
-
-FRICTIONAL = "friction", "tangential_force", "tangential_displacement", "previous"  # options of `solve`
 
 _TOLERANCE, _LIMIT = 1e-7, 60  # residual and Newton steps, where nothing is given
 
@@ -638,6 +698,8 @@ def _taken_from(
 ) -> tuple[FloatArray, FloatArray | None, FloatArray | None, FloatArray | None]:
     """Return place of the punch, tangential displacements, tractions and gap of a result."""
     axes = "xy"[: len(given.grid.points)]
+    if previous is not None and not hasattr(previous, "data_vars"):
+        raise ConfigError([f"previous: got {shown(previous)}; must be a result of solve with friction"])
     shape = given.grid.shape if given.wider is None else given.wider.points
     if previous is None:
         return np.zeros(len(axes)), None, None, None

@@ -104,7 +104,16 @@ class Profile(FromFile):
 
 
 class Topography(FromFile):
-    """A measured surface, whose summits touch first, and the steps that make it periodic."""
+    """A measured surface, whose summits touch first, and the steps that make it periodic.
+
+    Examples
+    --------
+    >>> np.save("surface.npy", np.random.default_rng(1).normal(size=(32, 32)))
+    >>> rough = gfmdlayer.Topography(file="surface.npy", size=10.0, taper=0.1, detrend="plane")
+    >>> found = gfmdlayer.solve(gfmdlayer.halfspace(1.0), rough, mean_pressure=[0.01, 0.02])
+    >>> dict(found.contact_area.sizes), float(found.x[1] - found.x[0])
+    ({'mean_pressure': 2}, 0.3125)
+    """
 
     rough: ClassVar[bool] = True
 

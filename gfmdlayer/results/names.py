@@ -16,14 +16,24 @@ from typing import NamedTuple
 
 from gfmdlayer.config import Config
 from gfmdlayer.config.sweeps import as_label
+from gfmdlayer.errors import GfmdlayerError
 from gfmdlayer.observables import known_numbers
 from gfmdlayer.observables.contact import TIME
 from gfmdlayer.observables.observable import declared
 from gfmdlayer.validation.sections import described
 
 
-class ResultsError(OSError):
-    """A results file or folder that cannot be written or read; the message names it and says why."""
+class ResultsError(GfmdlayerError, OSError):
+    """A results file or folder that cannot be written or read; the message names it and says why.
+
+    Examples
+    --------
+    >>> try:
+    ...     gfmdlayer.open_case("nothing.h5")
+    ... except gfmdlayer.ResultsError as error:
+    ...     print(error)
+    nothing.h5: no such file
+    """
 
 
 class Parameter(NamedTuple):

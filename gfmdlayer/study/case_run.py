@@ -19,6 +19,7 @@ from gfmdlayer.case.model import ConvergenceError, Model, model_of
 from gfmdlayer.case.notes import accounts, notes
 from gfmdlayer.config import digest
 from gfmdlayer.config.model import stem
+from gfmdlayer.errors import GfmdlayerError
 from gfmdlayer.files.whole import write_text
 from gfmdlayer.grid.ranks import ALONE, Ranks
 from gfmdlayer.results import checkpoint, provenance
@@ -428,7 +429,7 @@ PATIENCE = 8.0  # seconds in which the other ranks reach the same error, or the 
 _POLL = 0.002  # seconds between two looks at the other ranks
 
 
-class RankError(RuntimeError):
+class RankError(GfmdlayerError, RuntimeError):
     """Another rank of the case failed; the message says how."""
 
 

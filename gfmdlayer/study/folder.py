@@ -42,6 +42,7 @@ from typing import Any, TypeAlias, TypeVar
 from gfmdlayer.body.bodies import code_refused
 from gfmdlayer.config import Config, ConfigError, load
 from gfmdlayer.config.reader import Inspection
+from gfmdlayer.errors import GfmdlayerError
 from gfmdlayer.files.hdf5 import is_hdf5
 from gfmdlayer.files.locks import is_gone, open_for_writing, regular, write_new
 from gfmdlayer.files.whole import UNFINISHED, is_unfinished, unfinished, write_text
@@ -58,8 +59,19 @@ Found = TypeVar("Found")
 WAYS_OUT = "choose another folder with --out, or --restart to start over"
 
 
-class FolderError(Exception):
-    """A folder cannot be used for these results; the message names the reason and a remedy."""
+class FolderError(GfmdlayerError):
+    """A folder cannot be used for these results; the message names the reason and a remedy.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> _ = Path("notes.txt").write_text("not results")
+    >>> try:
+    ...     gfmdlayer.run({"grid": {"points": 64}}, out=".")
+    ... except gfmdlayer.FolderError as error:
+    ...     print(str(error).partition(";")[0])
+    .: is not empty and not a results folder of gfmdlayer: no config.yaml
+    """
 
 
 @dataclass(frozen=True)

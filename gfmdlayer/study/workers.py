@@ -22,6 +22,7 @@ from dataclasses import dataclass
 from multiprocessing import active_children, get_context, parent_process
 from typing import Any, NoReturn
 
+from gfmdlayer.errors import GfmdlayerError
 from gfmdlayer.study import interrupts, preflight
 
 MOST = 1 << 14  # processes, and threads of one
@@ -30,7 +31,7 @@ RENEWALS = 100  # of a pool of processes whose workers were killed, at most
 SWITCH_INTERVAL = 0.0005  # seconds; with Python's 0.005 ranks wait a tenth of the time where cases are tiny
 
 
-class LauncherError(Exception):
+class LauncherError(GfmdlayerError):
     """The processes were started in a way that cannot work; the message names the remedy."""
 
 

@@ -11,6 +11,8 @@ from itertools import pairwise
 from os import PathLike
 from typing import Any, Literal
 
+from gfmdlayer.errors import GfmdlayerError
+
 Location = tuple[str | int, ...]
 Reason = Literal["", "physics", "open"]
 
@@ -21,7 +23,7 @@ _ALIKE = 0.75  # a key elsewhere in the configuration is suggested from this sim
 _MOST_LISTED = 20  # keys in a message; only sweeps have more, since they take the keys of all sections
 
 
-class ConfigError(ValueError):
+class ConfigError(GfmdlayerError, ValueError):
     """A configuration that cannot be used, with all of its errors.
 
     Parameters
@@ -79,7 +81,7 @@ class Mistake:
 Problem = Mistake  # the former name, which bodies of users import; until version 0.5
 
 
-class InconsistentError(ValueError):
+class InconsistentError(GfmdlayerError, ValueError):
     """Values that are each allowed but contradict one another."""
 
     def __init__(self, problems: Sequence[Mistake]) -> None:

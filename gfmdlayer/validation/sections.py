@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from difflib import get_close_matches
 from functools import cache
 from importlib import import_module
+from inspect import CO_VARKEYWORDS, Parameter, Signature, unwrap
 from itertools import chain
 from operator import is_
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar, get_args
+from types import UnionType
+from typing import TYPE_CHECKING, Any, ClassVar, Generic, Literal, TypeVar, Union, cast, get_args, get_origin
 
 from pydantic import BaseModel, ConfigDict, GetCoreSchemaHandler, ValidationError
 from pydantic.fields import FieldInfo
@@ -33,6 +35,11 @@ from gfmdlayer.validation.problems import (
 )
 from gfmdlayer.validation.quantities import Written
 
+if TYPE_CHECKING:
+    from pydantic._internal._model_construction import ModelMetaclass as _ModelMetaclass
+else:
+    _ModelMetaclass = type(BaseModel)
+
 _SHAPES = {
     **dict.fromkeys(("model_type", "dict_type"), "a mapping of keys to values"),
     **dict.fromkeys(("tuple_type", "list_type"), "a list"),
@@ -52,7 +59,59 @@ def alone(init: Init) -> Init:
     return init
 
 
-class Section(BaseModel):
+class _Shown(_ModelMetaclass):
+    """Metaclass that shows editors and `help` the keys of a section, with types and defaults.
+
+    Pydantic's own signature lacks the order of values without a name, and is made only with the first use.
+    """
+
+    @property
+    def __signature__(self) -> Signature | None:
+        cls = cast("type[Section]", self)
+        if not unwrap(cls.__init__).__code__.co_flags & CO_VARKEYWORDS:
+            return None  # the one of __init__
+        ordered, word = cls._in_order(), cls._word()
+        fields = {name: field for name, field in cls.fields().items() if name not in (word, *ordered)}
+        every = {name: cls.model_fields[name] for name in ordered} | fields
+        return Signature(
+            [
+                Parameter(
+                    name,
+                    Parameter.POSITIONAL_OR_KEYWORD if name in ordered else Parameter.KEYWORD_ONLY,
+                    default=Parameter.empty if field.is_required() else _default(field),
+                    annotation=_plain_type(field.annotation),
+                )
+                for name, field in every.items()
+            ]
+        )
+
+    @__signature__.setter
+    def __signature__(self, _of_pydantic: object) -> None:
+        pass
+
+
+class _Made:
+    """The default of a key that follows from other keys, or is a section."""
+
+    def __repr__(self) -> str:
+        return "..."
+
+
+def _default(field: FieldInfo) -> Any:
+    return field.default if field.default_factory is None else _Made()
+
+
+def _plain_type(annotation: Any) -> Any:
+    """Return a type without the notes of its checks."""
+    if hasattr(annotation, "__metadata__"):
+        return _plain_type(annotation.__origin__)
+    if not (parts := get_args(annotation)) or get_origin(annotation) is Literal:
+        return annotation
+    plainly = tuple(map(_plain_type, parts))
+    return Union[plainly] if isinstance(annotation, UnionType) else get_origin(annotation)[plainly]  # noqa: UP007
+
+
+class Section(BaseModel, metaclass=_Shown):
     """A part of the configuration: immutable, with the listed keys only."""
 
     # Built when first used: the whole configuration contains a copy of most sections.
@@ -62,9 +121,9 @@ class Section(BaseModel):
     if not TYPE_CHECKING:  # type checkers see the keys themselves
 
         @alone
-        def __init__(self, **keys: Any) -> None:
+        def __init__(self, *values: Any, **keys: Any) -> None:
             """Make a section from its keys, which may be NumPy's numbers; ConfigError lists every error."""
-            self._take(plain(keys))
+            self._take(plain(self._named(values, keys)))
 
     @classmethod
     def __get_pydantic_core_schema__(cls, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
@@ -81,6 +140,39 @@ class Section(BaseModel):
             self.__pydantic_validator__.validate_python(data, self_instance=self)
         except ValidationError as error:
             raise ConfigError(map(str, self.all_problems(data, error))) from None
+
+    @classmethod
+    def _in_order(cls) -> tuple[str, ...]:
+        """Return the keys whose values need no name in Python, in their order."""
+        return ()
+
+    @classmethod
+    def _word(cls) -> str:
+        """Return the key whose word the class implies, or nothing."""
+        return ""
+
+    @classmethod
+    def _named(cls, values: Sequence[Any], keys: Mapping[str, Any]) -> dict[str, Any]:
+        """Return values by their keys; ConfigError for values without a name, or more than there are."""
+        ordered, title = cls._in_order(), cls.__name__
+        named = dict(zip(ordered, values, strict=False))
+        if twice := [key for key in named if key in keys]:
+            raise ConfigError(
+                f"{key}: got two values, one by its place; {title} takes each of {', '.join(ordered)} once"
+                for key in twice
+            )
+        if len(values) > len(ordered):
+            others = [key for key in cls.fields() if key not in (cls._word(), *ordered)]
+            takes = f"takes {', '.join(others)} by name"
+            if ordered:
+                takes = (
+                    f"takes {', '.join(ordered)} in this order{', and ' * bool(others)}{takes * bool(others)}"
+                )
+            elif len(values) <= len(others):
+                takes += f", such as {title}({', '.join(map('{}={!r}'.format, others, values))})"
+            got = f"{len(values)} value{'s' * (len(values) > 1)} without a name"
+            raise ConfigError([f"{title}: got {got}; {takes}"])
+        return named | dict(keys)
 
     @classmethod
     def all_problems(cls, data: dict[str, Any], error: ValidationError) -> list[Mistake]:  # noqa: ARG003
@@ -103,6 +195,11 @@ class Section(BaseModel):
 
 class Kind(Section):
     """One of several sections of a key; the default of its first field is the word that chooses it."""
+
+    @classmethod
+    def _word(cls) -> str:
+        """Return the key whose word the class implies."""
+        return next(iter(cls.model_fields), "")
 
     def _take(self, data: dict[str, Any]) -> None:
         """Validate plain data into this new section, with its word, so that a dump contains the word."""

@@ -129,7 +129,7 @@ def stiffness(_quick: bool) -> Iterator[Row]:
     bonded = bonded_layer(0.1, material)
     relaxed, moving = (_total(contact, inverse(bonded.stiffness(grid.waves, s))) for s in (0.0, 2j))
     yield Row("|K*/K| of one material", abs(ratio), abs(moving / relaxed), 1e-9, "G*(omega)/G(0)")
-    Z = inverse(bonded_layer(0.1, material, base=3.0).stiffness(grid.waves, 2j))
+    Z = inverse(bonded_layer(0.1, material, halfspace=3.0).stiffness(grid.waves, 2j))
     units = np.eye(contact.size)[contact.ravel()].reshape(-1, 32, 32)
     dense = sum(
         factor * np.fft.irfft2(part * np.fft.rfft2(units), (32, 32))[:, contact]

@@ -40,7 +40,7 @@ def random_body(rng):
     key = ("shear_modulus", "shear_modulus", "material")
     kind = rng.integers(3)
     base = Halfspace(**{key[kind]: bases[kind]}, poisson=float(rng.choice([0.5, 0.3])))
-    return LayerStack(layers, accuracy=1e-6, base=base)
+    return LayerStack(layers, accuracy=1e-6, halfspace=base)
 
 
 def error_within_reach(found, rng):
@@ -108,7 +108,7 @@ def test_random_bodies_answer_without_images_within_reach(seed, count):
 
 
 def test_spectrum_is_the_stiffness_of_its_modes_and_the_body_s_own_beyond():
-    body = bonded_layer(0.1, Zener(G0=1.0, Ginf=10.0, tau=1.0), poisson=0.45, base=5.0)
+    body = bonded_layer(0.1, Zener(G0=1.0, Ginf=10.0, tau=1.0), poisson=0.45, halfspace=5.0)
     found = isolated(body, (2.0, 1.0))
     grid = gfmdlayer.Case(gfmdlayer.Config(name="a", grid={"points": [64, 32], "period": [2.0, 1.0]})).grid
     for s in (0.0, 0.3, 1e9):
@@ -136,7 +136,7 @@ class Orthotropic:
 @pytest.mark.parametrize(
     ("body", "period", "words"),
     [
-        (bonded_layer(0.1, 1.0, base=0.0), CELL, "must be a body on a base"),
+        (bonded_layer(0.1, 1.0, halfspace=0.0), CELL, "must be a body on a base"),
         (LayerStack((gfmdlayer.Layer(0.1, 0.3, Elastic(1.0)),) * 2), CELL, "must be a body on a base"),
         (halfspace(1.0), (1.0,), "must have a datum"),
         (Orthotropic(), CELL, "depends on the direction"),

@@ -11,7 +11,7 @@ from scipy.integrate import quad
 
 from gfmdlayer.body.continuous import FractionalZener, HavriliakNegami, Kohlrausch, PowerLaw
 from gfmdlayer.body.materials import Prony, Zener
-from gfmdlayer.config import Config
+from gfmdlayer.config import Config, ConfigError
 
 # A handful of operations of half an ulp each.
 ROUNDING = 1e-15
@@ -110,9 +110,9 @@ def test_parameters_are_taken_in_order_or_by_name_but_once():
     assert Zener(2.0, tau=3.0, Ginf=5.0) == Zener(2.0, 5.0, 3.0)
     assert Prony(branches=[{"G": 2.0, "tau": 3.0}]) == Prony(1.0, ((2.0, 3.0),))
     assert [tau for _, tau in BROAD.branches] == [1e-3, 1.0, 50.0]
-    with pytest.raises(TypeError, match="takes each of G0, Ginf, tau once"):
+    with pytest.raises(ConfigError, match="got 4 values without a name; takes G0, Ginf, tau in this order"):
         Zener(1.0, 2.0, 3.0, 4.0)
-    with pytest.raises(TypeError, match="takes each of G0, Ginf, tau once"):
+    with pytest.raises(ConfigError, match="Zener takes each of G0, Ginf, tau once"):
         Zener(1.0, G0=2.0)
 
 

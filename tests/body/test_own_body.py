@@ -244,7 +244,7 @@ def test_the_figure_shows_stiffness_and_relaxation(points):
     assert len(stiffness.lines) == (2 if points == 32 else 4)
 
 
-class Springs:
+class Bare:
     """Independent springs of 2, without modes."""
 
     mean_stiffness = 2.0
@@ -254,16 +254,50 @@ class Springs:
 
 
 def test_a_body_names_what_it_lacks():
-    punch, lacks = gfmdlayer.Parabola(radius=1.0), "Springs has no spectrum"
-    with pytest.raises(TypeError, match=lacks):
-        gfmdlayer.solve(Springs(), punch, depth=0.01)
-    with pytest.raises(TypeError, match=lacks):
-        gfmdlayer.indent(Springs(), punch, [0.0, 1.0], depth=[0.0, 0.01])
-    case = Case(Config(name="a", grid={"points": 32}), body=Springs())
-    with pytest.raises(TypeError, match=lacks):
+    punch, lacks = gfmdlayer.Parabola(radius=1.0), "Bare has no spectrum"
+    with pytest.raises(ConfigError, match=lacks):
+        gfmdlayer.solve(Bare(), punch, depth=0.01)
+    with pytest.raises(ConfigError, match=lacks):
+        gfmdlayer.indent(Bare(), punch, [0.0, 1.0], depth=[0.0, 0.01])
+    case = Case(Config(name="a", grid={"points": 32}), body=Bare())
+    with pytest.raises(ConfigError, match=lacks):
         simulate(case, Recording())
-    with pytest.raises(TypeError, match=r"float has no .*; no spectrum.*must be a body, such as halfspace"):
+    with pytest.raises(ConfigError, match=r"float has no .*; no spectrum.*must be a body, such as halfspace"):
         gfmdlayer.solve(1.0, punch, depth=0.01)
+
+
+class Springs(gfmdlayer.Solid):
+    """Independent springs, of a class that no file defines."""
+
+    k: float
+
+    @property
+    def mean_stiffness(self):
+        return self.k
+
+    def stiffness(self, waves, s):
+        return self.k + 0 * np.asarray(waves) * np.asarray(s)
+
+    def spectrum(self, waves):
+        return gfmdlayer.Spectrum.of_material(self.k + 0 * waves.magnitude, gfmdlayer.Elastic(1.0))
+
+
+def test_a_body_of_this_session_runs_without_a_file(tmp_path):
+    """The force per length on springs is k times the area under a parabola, 4/3 depth^(3/2) (2 R)^(1/2)."""
+    short = {"time": {"end": 1.0, "step": 0.5}, "grid": {"points": 1024}}
+    found = gfmdlayer.run(short, body=Springs(k=5.0), sweep={"body.k": [5.0, 10.0]})
+    exact = 4 / 3 * 0.01**1.5 * 0.5**0.5
+    assert found.force.isel(time=-1).values / [5.0, 10.0] == pytest.approx(
+        exact, rel=1e-3
+    )  # 1/145 of the contact: h^2
+    alone = gfmdlayer.run(short, body=Springs(k=5.0))
+    assert np.array_equal(alone.force, found.force.isel(k=0))
+    for where in ({"out": tmp_path / "results"}, {"jobs": 2}):
+        with pytest.raises(ConfigError, match=r"body: got a class of this session.*must be in a file"):
+            gfmdlayer.run(short, body=Springs(k=5.0), **where)
+    assert not (tmp_path / "results").exists()
+    with pytest.raises(ConfigError, match=r"body\.kk: unknown key"):
+        gfmdlayer.run(short, body=Springs(k=5.0), body__kk=3)
 
 
 # --- wavevectors ---

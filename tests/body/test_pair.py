@@ -104,7 +104,7 @@ def test_a_body_of_fixed_mean_adds_no_compliance_to_the_mean():
 
 def test_deep_bodies_keep_one_time_at_all_waves():
     """So that histories of large surfaces store one number a wave and mode."""
-    layer = gfmdlayer.bonded_layer(0.3, Zener(tau=0.5), base=5.0)
+    layer = gfmdlayer.bonded_layer(0.3, Zener(tau=0.5), halfspace=5.0)
     q = np.hypot(*np.meshgrid(np.arange(200.0), np.arange(100.0)))
     found = Pair(layer, gfmdlayer.halfspace(Zener())).spectrum(q)
     deep = 0.3 * q > 30
@@ -197,7 +197,7 @@ def test_layers_of_a_stack_and_a_counterbody_merge_their_modes_within_the_bound(
 
     def pair(**keys):
         bases = (Halfspace(shear_modulus=modulus) for modulus in (np.inf, 3.0))
-        two = (LayerStack(layers, base=base, **keys) for base in bases)
+        two = (LayerStack(layers, halfspace=base, **keys) for base in bases)
         return Pair(*two).spectrum(np.linspace(1.0, 60.0, 20))
 
     found, whole, s = pair(accuracy=1e-4), pair(), 0.3j

@@ -104,7 +104,7 @@ def test_modes_are_positive_and_one_for_each_wave_of_any_shape():
 
 @pytest.mark.parametrize(("base", "thickness"), [(2.0, 0.05), (math.inf, 0.05), (0.0, math.inf)])
 def test_the_layer_of_the_paper_is_a_stack(base, thickness):
-    body = bonded_layer(thickness, Zener(), poisson=0.4, base=base, base_poisson=0.3)
+    body = bonded_layer(thickness, Zener(), poisson=0.4, halfspace=base, halfspace_poisson=0.3)
     K = body.traction_spectrum(Q).in_plane.stiffness(0.5)
     normal = K[:, 0, 0] - K[:, 0, 1] ** 2 / K[:, 1, 1]
     np.testing.assert_allclose(normal, body.stiffness(Q, 0.5), rtol=ROUNDING)

@@ -166,7 +166,7 @@ def test_a_strip_creeps_without_a_force(thickness, poisson):
     stretches by more than the creepage. The stretch is that of the frictionless contact, of 13 and 19 points.
     """
     base = 1.0 if math.isinf(thickness) else math.inf
-    body = gfmdlayer.bonded_layer(thickness, 1.0, poisson=poisson, base=base)
+    body = gfmdlayer.bonded_layer(thickness, 1.0, poisson=poisson, halfspace=base)
     punch = gfmdlayer.Parabola(radius=0.25)
     still = gfmdlayer.solve(body, punch, force=0.01, points=256, friction=0.0)
     stretch, p = np.gradient(still.displacement_x.to_numpy(), 1 / 256), still.pressure.to_numpy()

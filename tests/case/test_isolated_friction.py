@@ -88,7 +88,7 @@ def test_the_part_of_a_pressed_sphere_that_sticks_is_spences(poisson, mu, stick)
 
 def test_the_cell_does_not_matter():
     """A sphere on a film in windows of 1.6, 4.2 and 8.4; the first is solved in a cell of 3.2."""
-    body = bonded_layer(0.5, 5.0, poisson=0.3, base=1.0, base_poisson=0.3)
+    body = bonded_layer(0.5, 5.0, poisson=0.3, halfspace=1.0, halfspace_poisson=0.3)
     narrow, middle, wide = (
         solve(
             body, Parabola(radius=R), depth=0.06, period=n * 0.1, points=(n, n), friction=MU, isolated=True,

@@ -39,7 +39,7 @@ MODEL: dict[str, Any] = {
 }
 FREE = ["layer.material.G", "contact_point"]
 BODY = gfmdlayer.bonded_layer(
-    thickness=THICKNESS, material=gfmdlayer.Elastic(G), poisson=0.5, base=math.inf
+    thickness=THICKNESS, material=gfmdlayer.Elastic(G), poisson=0.5, halfspace=math.inf
 )  # fmt: skip
 PUNCH = Parabola(radius=5.0)
 
@@ -50,7 +50,7 @@ def held(kind: str) -> tuple[np.ndarray, np.ndarray]:
     depths = np.concatenate(([0.1], np.linspace(0.2, -0.08, 300)))
     work = WORK if kind == "jkr" else 0.0
     depths = depths if work else np.maximum(depths, 0.0)
-    found = gfmdlayer.indent(BODY, PUNCH, np.arange(301.0), depth=depths, work_of_adhesion=work)
+    found = gfmdlayer.indent(BODY, PUNCH, np.arange(301.0), depth=depths, work=work)
     depth, force = found.depth.to_numpy(), found.force.to_numpy()
     rows = (found.contact_radius.to_numpy() > 0) & (np.arange(depth.size) >= int(np.argmax(depth)))
     attraction = ATTRACTION if kind == "dmt" else 0.0
@@ -409,7 +409,7 @@ def test_a_shrinking_contact_on_a_cantilever_has_its_loss_and_its_work_found() -
 def test_contact_under_a_force_begins_with_a_jump_of_the_depth() -> None:
     model, time = relaxing({"shape": "cone", "slope": 0.3}, 0.02), np.linspace(0.0, 2.0, 81)
     force = np.interp(time, [0, 1, 2], [0, 0.2, 0.2])
-    pressed = gfmdlayer.indent(GEL, Cone(slope=0.3), time, force=force, work_of_adhesion=0.02)
+    pressed = gfmdlayer.indent(GEL, Cone(slope=0.3), time, force=force, work=0.02)
     depth = np.interp(time, pressed.time, pressed.depth)
     seen = Prediction(ForceCurve("gel", time, depth, force, prescribed="force"), adhesive=True)
     made, at = IndentationModel(model).config, Correction(adhesion=EdgeAdhesion(work=0.02))
@@ -423,7 +423,7 @@ def peeled(punch: Any, end: float, rows: int, work: float, level: float = 0.0, *
     """Return a curve of a punch that is pressed into a relaxing halfspace for a second, and pulled off."""
     time = np.linspace(0.0, end, rows)
     depth = np.interp(time, [0, 1, end], [0, 0.15, -0.35])
-    pressed = gfmdlayer.indent(GEL, punch, time, depth=depth, work_of_adhesion=work)
+    pressed = gfmdlayer.indent(GEL, punch, time, depth=depth, work=work)
     force = np.interp(time, pressed.time, pressed.force)
     force += level * np.ptp(force) * np.random.default_rng(1).standard_normal(rows)
     return ForceCurve("gel", time, depth, force, prescribed="depth", **facts)

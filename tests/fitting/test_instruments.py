@@ -72,7 +72,9 @@ def test_creep_gives_the_thickness_of_a_layer_that_a_fit_of_relaxation_loses():
     # A force held on 2 um of gel under a bead; 3 nm of noise, four parameters, a start 1.5 to 2 off.
     time = np.linspace(0.0, 10.0, 401)
     force = np.interp(time, [0, 0.5, 10], [0, 5e-9, 5e-9])
-    body = gfmdlayer.bonded_layer(thickness=2e-6, material=gfmdlayer.Zener(1500.0, 6000.0, 0.8), base=np.inf)
+    body = gfmdlayer.bonded_layer(
+        thickness=2e-6, material=gfmdlayer.Zener(1500.0, 6000.0, 0.8), halfspace=np.inf
+    )
     found = gfmdlayer.indent(body, gfmdlayer.Sphere(radius=5e-6), time, force=force)
     depth = np.interp(time, found.time, found.depth) + 3e-9 * np.random.default_rng(0).standard_normal(401)
     model = {

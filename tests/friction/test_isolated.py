@@ -18,12 +18,12 @@ from gfmdlayer.history.traction_modes import TractionModes
 ZENER = Zener(G0=1.0, Ginf=10.0, tau=1.0)
 BODIES = {
     "halfspace": halfspace(1.0, poisson=0.3),
-    "stiff film": bonded_layer(0.05, 50.0, poisson=0.3, base=1.0, base_poisson=0.3),
-    "soft film": bonded_layer(0.1, 0.1, poisson=0.45, base=1.0, base_poisson=0.3),
+    "stiff film": bonded_layer(0.05, 50.0, poisson=0.3, halfspace=1.0, halfspace_poisson=0.3),
+    "soft film": bonded_layer(0.1, 0.1, poisson=0.45, halfspace=1.0, halfspace_poisson=0.3),
     "rigid base": bonded_layer(0.1, 1.0, poisson=0.3),
     "relaxing halfspace": halfspace(ZENER, poisson=0.3),
-    "relaxing film": bonded_layer(0.1, ZENER, poisson=0.45, base=5.0),
-    "relaxing stiff film": bonded_layer(0.1, ZENER, poisson=0.45, base=0.2),
+    "relaxing film": bonded_layer(0.1, ZENER, poisson=0.45, halfspace=5.0),
+    "relaxing stiff film": bonded_layer(0.1, ZENER, poisson=0.45, halfspace=0.2),
 }
 N, WIDTH = 64, 2.5 / 64  # points of a period of 1; of a Gaussian load, which the grid resolves to 1e-13
 
@@ -211,7 +211,7 @@ def test_energies_of_the_creep_form_are_the_work_of_the_tractions():
 def test_bodies_without_an_isolated_state_are_refused():
     grid = Grid((32,), (1.0,))
     with pytest.raises(ValueError, match="nothing carries the load"):
-        without_images(bonded_layer(0.1, 1.0, base=0.0), grid)
+        without_images(bonded_layer(0.1, 1.0, halfspace=0.0), grid)
     with pytest.raises(ValueError, match="must have a datum"):
         without_images(halfspace(1.0), grid)
 

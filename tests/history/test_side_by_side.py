@@ -111,7 +111,7 @@ def test_bodies_that_slide_solve_their_equations(velocities):
 def test_steady_sliding_has_the_compliances_of_both_velocities_for_any_step():
     grid, v, ratio = Grid((16,), (1.0,)), 0.7, 0.4
     layers = gfmdlayer.bonded_layer(
-        0.05, gfmdlayer.Prony(1.0, [(2.0, 0.01), (3.0, 1.0)]), poisson=0.4, base=3.0
+        0.05, gfmdlayer.Prony(1.0, [(2.0, 0.01), (3.0, 1.0)]), poisson=0.4, halfspace=3.0
     )
     half = gfmdlayer.halfspace(gfmdlayer.Zener(tau=0.2))
     one, two = (

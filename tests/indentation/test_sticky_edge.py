@@ -106,7 +106,7 @@ def test_work_of_the_punch_is_stored_dissipated_and_taken_by_the_edge():
 
 
 def test_indent_reports_the_pull_off_and_the_work_of_the_edge():
-    given = {"depth": [0, 0.05, -0.4], "work_of_adhesion": WORK, "edge_speed": 0.3}
+    given = {"depth": [0, 0.05, -0.4], "work": WORK, "edge_speed": 0.3}
     slow, fast = (
         gfmdlayer.indent(HALFSPACE, gfmdlayer.Parabola(radius=1.0), [0.0, 1.0, 1.0 + each], **given)
         for each in (10.0, 1.0)
@@ -119,7 +119,7 @@ def test_indent_reports_the_pull_off_and_the_work_of_the_edge():
 
 def test_a_resting_edge_pulls_although_nothing_has_healed():
     """Depth control: the balance of energy closes, so the force, which is negative, is not cut off."""
-    given = {"work_of_adhesion": 0.3, "edge_speed": 0.05, "healing_work": 0.0}
+    given = {"work": 0.3, "edge_speed": 0.05, "healing_work": 0.0}
     found = gfmdlayer.indent(
         HALFSPACE, gfmdlayer.Parabola(radius=1.0), [0.0, 1.0, 2.0], depth=[0.0, 0.05, 0.02], **given
     )
@@ -132,7 +132,7 @@ def test_a_resting_edge_pulls_although_nothing_has_healed():
 @pytest.mark.parametrize("body", [gfmdlayer.halfspace(1.0), HALFSPACE], ids=["elastic", "relaxing"])
 def test_a_force_that_tears_the_indenter_off_loses_energy_and_gains_none(body):
     """The depth after the loss is that of the surface: the way to it is no work."""
-    given = {"force": [0.0, 0.1, -0.2], "work_of_adhesion": WORK}
+    given = {"force": [0.0, 0.1, -0.2], "work": WORK}
     found = gfmdlayer.indent(body, gfmdlayer.Parabola(radius=1.0), [0.0, 1.0, 2.0], **given)
     residual, radius = found.energy_residual.values, found.contact_radius.values
     loss = int(np.flatnonzero((radius[:-1] > 0) & (radius[1:] == 0))[0])
@@ -146,7 +146,7 @@ def test_a_force_that_tears_the_indenter_off_loses_energy_and_gains_none(body):
 def test_an_elastic_flat_punch_pulls_off_at_kendalls_force_within_the_tolerance():
     """F = (8 pi a^3 w E*)^(1/2), E* = 4: the force ends there on a straight line over the depth."""
     body, punch = gfmdlayer.halfspace(1.0), ([0.0, 0.25, 0.5], [0.0, 0.0, 0.0])
-    found = gfmdlayer.indent(body, punch, [0.0, 1.0, 2.0], depth=[0.0, 0.05, -0.4], work_of_adhesion=WORK)
+    found = gfmdlayer.indent(body, punch, [0.0, 1.0, 2.0], depth=[0.0, 0.05, -0.4], work=WORK)
     kendall = math.sqrt(8 * math.pi * 0.5**3 * WORK * 4.0)
     shift = 1e-4 * 2.0 * 0.45  # of the depth: tolerance, duration, speed; the stiffness is 2 a E* = 4
     assert 0 <= kendall - found.attrs["pull_off_force"] < 4.0 * shift
@@ -155,7 +155,7 @@ def test_an_elastic_flat_punch_pulls_off_at_kendalls_force_within_the_tolerance(
 def test_an_elastic_sphere_pulls_off_at_the_force_of_jkr_within_the_tolerance():
     """(3/2) pi w R, where the force has its minimum over the depth."""
     body, ball = gfmdlayer.halfspace(1.0), gfmdlayer.Parabola(radius=1.0)
-    given = {"depth": [0.0, 0.1, -0.4], "work_of_adhesion": WORK, "healing_work": WORK / 10}
+    given = {"depth": [0.0, 0.1, -0.4], "work": WORK, "healing_work": WORK / 10}
     found = gfmdlayer.indent(body, ball, [0.0, 1.0, 2.0], **given)
     within = 1e-4 * float(np.abs(found.force).max())
     assert found.attrs["pull_off_force"] == pytest.approx(1.5 * math.pi * WORK, abs=within)
@@ -164,7 +164,7 @@ def test_an_elastic_sphere_pulls_off_at_the_force_of_jkr_within_the_tolerance():
 def test_a_jump_that_no_step_resolves_is_named_with_a_tolerance_that_is_reached():
     """Times around 1e10 are 2e-6 apart in double precision, further than 1e-7 of the duration."""
     body, ball, time = gfmdlayer.halfspace(1.0), gfmdlayer.Parabola(radius=1.0), [1e10, 1e10 + 1, 1e10 + 3]
-    given = {"depth": [0.0, 0.05, -0.2], "work_of_adhesion": WORK}
+    given = {"depth": [0.0, 0.05, -0.2], "work": WORK}
     with pytest.raises(ArithmeticError, match="Contact jumps at t = 1e") as said:
         gfmdlayer.indent(body, ball, time, tolerance=1e-7, **given)
     tried = float(str(said.value).rpartition(" ")[2])
@@ -174,7 +174,7 @@ def test_a_jump_that_no_step_resolves_is_named_with_a_tolerance_that_is_reached(
 def test_the_contact_of_a_flat_punch_is_never_wider_than_its_end():
     """The extrapolation to steps of no length was 2 % wider at this tolerance."""
     body, punch = gfmdlayer.halfspace(Prony(1.0, [(9.0, 1.0)])), ([0.0, 0.15, 0.3], [0.0, 0.0, 0.0])
-    given = {"work_of_adhesion": 1e-3, "edge_speed": 0.5, "tolerance": 1e-2}
+    given = {"work": 1e-3, "edge_speed": 0.5, "tolerance": 1e-2}
     found = gfmdlayer.indent(
         body, punch, [0.0, 1.0, 1.5, 2.5, 3.5], depth=[0, 0.05, 0.05, -0.3, 0.04], **given
     )
@@ -190,14 +190,14 @@ def test_whole_numbers_are_the_same_edge():
 @pytest.mark.parametrize(
     ("given", "said"),
     [
-        ({"work_of_adhesion": -1.0}, "work_of_adhesion: got -1.0; must be finite and >= 0"),
-        ({"work_of_adhesion": 1.0, "edge_speed": 0.0}, "edge_speed: got 0.0; must be > 0"),
+        ({"work": -1.0}, "work: got -1.0; must be finite and >= 0"),
+        ({"work": 1.0, "edge_speed": 0.0}, "edge_speed: got 0.0; must be > 0"),
         (
-            {"work_of_adhesion": 1.0, "edge_exponent": math.inf},
+            {"work": 1.0, "edge_exponent": math.inf},
             "edge_exponent: got inf; must be finite and > 0",
         ),
         ({"tolerance": 0.0}, "tolerance: got 0.0; must be finite and >= 1e-09"),
-        ({"work_of_adhesion": 1.0, "healing_work": 0.05}, "healing_work: got 0.05; must be <= 0.04"),
+        ({"work": 1.0, "healing_work": 0.05}, "healing_work: got 0.05; must be <= 0.04"),
     ],
 )
 def test_impossible_edges_are_refused(given, said):

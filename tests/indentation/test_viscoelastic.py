@@ -328,7 +328,7 @@ def test_depth_creeps_evenly_while_the_contact_passes_the_end_of_a_blunted_cone(
 def test_force_in_place_of_depth_in_the_middle_of_a_history_gives_the_same_contact():
     # The forces of a run under depth are prescribed between 0.5 and 2.5. Both are extrapolated in the step,
     # to some 1e-5 of the largest values with these 60 steps.
-    body, profile = bonded_layer(thickness=2.0, material=Zener(1.5, 6.0, 0.8), base=np.inf), sphere(5.0)
+    body, profile = bonded_layer(thickness=2.0, material=Zener(1.5, 6.0, 0.8), halfspace=np.inf), sphere(5.0)
     history = History(np.array([0.0, 1.0, 5.0]), np.array([0.0, 0.4, 0.2]))
     times = np.unique(np.concatenate((np.linspace(0, 1, 20), np.linspace(1, 5, 40))))
     space = find_space(body, profile, history)

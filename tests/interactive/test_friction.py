@@ -79,7 +79,9 @@ def test_a_layer_like_the_halfspace_below_it_vanishes():
     given = PRESS | {"tangential_force": 0.0006}
     for poisson in (0.5, 0.3):
         bare = solve(halfspace(1.0, poisson=poisson), **given)
-        layered = solve(bonded_layer(0.05, 1.0, poisson=poisson, base=1.0, base_poisson=poisson), **given)
+        layered = solve(
+            bonded_layer(0.05, 1.0, poisson=poisson, halfspace=1.0, halfspace_poisson=poisson), **given
+        )
         for name in ("pressure", "shear_x", "displacement", "displacement_x"):
             np.testing.assert_allclose(layered[name], bare[name], atol=2e-5 * float(abs(bare[name]).max()))
 

@@ -88,7 +88,7 @@ def test_a_cylinder_is_hertz_with_its_depth_from_the_datum():
 
 def test_displacement_is_that_of_a_wider_cell_and_nan_beyond_reach():
     a = math.sqrt(DEPTH)
-    body = bonded_layer(0.1, 1.0, poisson=0.4, base=0.3)
+    body = bonded_layer(0.1, 1.0, poisson=0.4, halfspace=0.3)
     narrow, wide = (
         solve(body, Parabola(radius=1.0), depth=DEPTH, period=c * a, points=(16 * c, 16 * c), isolated=True)
         for c in (6, 12)
@@ -151,7 +151,7 @@ def loaded(boundary, period, layer, base, **keys):
 )
 def test_ramp_hold_and_retraction_are_those_of_the_isolated_indenter(layer, base, most):
     """In a cell of five contact radii, where images change the force by 0.02 to 1 and more."""
-    body = bonded_layer(0.1, Zener(G0=1.0, Ginf=10.0, tau=1.0), poisson=layer["poisson"], base=base)
+    body = bonded_layer(0.1, Zener(G0=1.0, Ginf=10.0, tau=1.0), poisson=layer["poisson"], halfspace=base)
     exact = indent(body, Parabola(radius=1.0), [0, 1, 4, 5], depth=[0, DEPTH, DEPTH, 0], tolerance=1e-5)
     largest, period = float(exact.force.max()), 5 * float(exact.contact_radius.max())
     found = run(loaded("isolated", period, layer, base))
@@ -169,7 +169,7 @@ def test_ramp_hold_and_retraction_are_those_of_the_isolated_indenter(layer, base
 def test_adhesion_does_not_depend_on_the_cell():
     """Of points at equal spacings."""
     law = {"law": "exponential", "work": 5e-5, "range": 5e-4}
-    body = bonded_layer(0.1, 1.0, poisson=0.4, base=0.3)
+    body = bonded_layer(0.1, 1.0, poisson=0.4, halfspace=0.3)
     narrow, wide = (
         solve(
             body, Parabola(radius=1.0), depth=0.005, interface=law, period=0.1 * c, points=(12 * c, 12 * c),

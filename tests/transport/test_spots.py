@@ -114,7 +114,7 @@ def test_a_disc_under_films_has_the_recorded_resistance():
 def test_a_dense_solution_of_the_same_equations_agrees():
     """The operator on all unit densities, solved by elimination: an elastic base, omega tau = 2."""
     n = 32
-    body = gfmdlayer.bonded_layer(0.1, gfmdlayer.Zener(), base=3.0)
+    body = gfmdlayer.bonded_layer(0.1, gfmdlayer.Zener(), halfspace=3.0)
     Z = inverse(body.stiffness(grid(n).waves, 2j))
     contact = disc(n, 0.2)
     units = np.eye(n * n)[contact.ravel()].reshape(-1, n, n)
@@ -133,7 +133,7 @@ def test_the_dynamic_stiffness_has_the_recorded_values():
     bodies = {
         1.87459: gfmdlayer.halfspace(material),
         7.11369: gfmdlayer.bonded_layer(0.1, material),
-        3.50757: gfmdlayer.bonded_layer(0.1, material, base=3.0),
+        3.50757: gfmdlayer.bonded_layer(0.1, material, halfspace=3.0),
     }
     ratio = complex(material.laplace(1j) / material.laplace(0.0))
     for relaxed, body in bodies.items():
