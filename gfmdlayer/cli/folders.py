@@ -83,7 +83,7 @@ def _overviews(folder: Folder) -> Iterator[Overview]:
 
 
 def _lines(seen: Overview) -> list[str]:
-    from gfmdlayer.study.status import duration
+    from gfmdlayer.results.provenance import duration
 
     running = []
     for case in seen.running:

@@ -317,9 +317,9 @@ def _in_folder(
 
 def _time(directory: Path, every: Sequence[SweepCase], part: float) -> str:
     """Estimate the time of the cases that are not complete; `every` may be a sample of them."""
+    from gfmdlayer.results.provenance import duration
     from gfmdlayer.study.cost import CostModel, expected_seconds
     from gfmdlayer.study.folder import Folder
-    from gfmdlayer.study.status import duration
 
     folder = Folder(directory)
     complete = folder.numbers()["h5"] if folder.is_results() else set()

@@ -100,6 +100,8 @@ WORDS = {
     "displacement_counterbody": "displacement of the counterbody",
     "shear_x": "shear traction along x",
     "shear_y": "shear traction along y",
+    "accuracy_balance": "largest open energy / largest work",
+    "restick": "time of the next sticking",
     "snapshot": "time",
     "x": "",
     "y": "",
@@ -470,7 +472,7 @@ def _part_label(axes: Axes) -> None:
     """Break the label of an upright axis where it is longer than the axis; three lines are smaller."""
     label = axes.yaxis.label
     height = axes.get_window_extent().height * 72 / axes.figure.dpi
-    room = max(height / (_WIDTH * label.get_fontsize()), SHORT_TICK)
+    room = max(height / (_WIDTH * float(label.get_fontsize())), SHORT_TICK)
     if _letters(label.get_text()) <= room:
         return
     lines = [""]

@@ -158,7 +158,7 @@ def _draw_dots(axes: Axes, values: DataArray, x: str, y: str, drawn: Quantity, l
     up.apply(axes, "y")
 
 
-def _asked(log: Log, axis: Literal["x", "y", "z"]) -> bool | None:
+def _asked(log: Log, axis: str) -> bool | None:
     """Whether an axis must be logarithmic, must not, or may be either."""
     return None if log is None else axis in log
 
@@ -221,7 +221,7 @@ def draw_quantity(axes: Axes, values: DataArray, drawn: Quantity, log: Log = Non
         along = quantity(values[name])
         along = along.fit(known) if along.unit and values[name].dtype.kind in "if" else along
         values = values.isel({name: sorted(range(len(known)), key=known.__getitem__)})
-        scales.append(Scale.of(sorted(known), along, log=_asked(log, axis), measured=len(known) > 1))  # type: ignore[arg-type]
+        scales.append(Scale.of(sorted(known), along, log=_asked(log, axis), measured=len(known) > 1))
     cells, edges = values.to_numpy().T, [_edges(scale) for scale in scales]
     axes.patch.set(facecolor="white", hatch="////", edgecolor="0.8")
     mesh = axes.pcolormesh(

@@ -6,7 +6,7 @@ import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import xarray
 
@@ -14,6 +14,7 @@ from gfmdlayer.config import Config, ConfigError
 from gfmdlayer.figures import selection
 from gfmdlayer.figures.body_plot import body_figure, config_of
 from gfmdlayer.figures.field_plots import flow_figure
+from gfmdlayer.figures.labels import Labels, labelled
 from gfmdlayer.figures.plot_style import STYLES, save
 from gfmdlayer.figures.plots import Kind, figure_of
 from gfmdlayer.figures.selection import Time, Wanted
@@ -43,9 +44,10 @@ def plot(
     z: str | Sequence[str] = (),
     time: Time | None = None,
     times: Sequence[float] = (),
-    log: Sequence[Literal["x", "y"]] | None = None,
+    log: Sequence[Literal["x", "y", "z"]] | None = None,
     log_time: bool = False,
     style: Literal["paper", "screen"] = "paper",
+    labels: Labels | None = None,
 ) -> Figure:
     """Draw results, a contact, a fit or a body.
 
@@ -68,12 +70,14 @@ def plot(
         Of a map, or of curves against a swept key; by default the end.
     times : sequence of float
         Times of the only snapshots that are drawn.
-    log : sequence of {"x", "y"}, optional
-        Logarithmic axes of the curves.
+    log : sequence of {"x", "y", "z"}, optional
+        Logarithmic axes of the curves, or of a map, whose colours are z.
     log_time : bool
         The same as `log` of "x", over time.
     style : {"paper", "screen"}
         For the columns of a journal, or for a talk.
+    labels : {"words", "symbols"}, optional
+        Axes and bars in words with the symbol behind (default), or by the symbol alone.
 
     Returns
     -------
@@ -97,6 +101,14 @@ def plot(
     """
     if style not in STYLES:
         raise ConfigError([f"style: got {shown(style)}; must be one of {', '.join(STYLES)}"])
+    if labels is not None:
+        if labels not in get_args(Labels):
+            raise ConfigError([f"labels: got {shown(labels)}; must be one of {', '.join(get_args(Labels))}"])
+        with labelled(labels):
+            return plot(
+                data, kind, out=out, select=select, x=x, y=y, z=z, time=time, times=times, log=log,
+                log_time=log_time, style=style,
+            )  # fmt: skip
     if kind is not None and kind not in _OF_RESULTS:
         allowed = f"must be one of {', '.join(_OF_RESULTS)}{nearest(str(kind), _OF_RESULTS)}"
         raise ConfigError([f"kind: got {shown(kind)}; {allowed}"])

@@ -12,11 +12,11 @@ from functools import partial
 from typing import TYPE_CHECKING, Self, TextIO
 
 from gfmdlayer.files.locks import printable
+from gfmdlayer.results.provenance import duration
 from gfmdlayer.study.claims import Running, running
 from gfmdlayer.study.folder import Folder
 from gfmdlayer.study.interrupts import stop_requested
 from gfmdlayer.study.schedule import Outcome
-from gfmdlayer.study.status import duration
 
 if TYPE_CHECKING:
     from rich.console import Console, RenderableType

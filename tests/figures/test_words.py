@@ -11,7 +11,7 @@ from gfmdlayer.figures.map_plots import map_figure
 from gfmdlayer.observables import INDENTATION, known_columns, known_numbers
 from gfmdlayer.results.names import VARIABLES, ResultsError, described_key
 
-LONGEST = 48  # letters: two lines of an axis of 44 mm
+LONGEST = 50  # letters: two lines of an axis of 44 mm
 
 
 def case(**columns):

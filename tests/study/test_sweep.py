@@ -12,8 +12,9 @@ import pytest
 from gfmdlayer.case.case import Case
 from gfmdlayer.case.model import ConvergenceError
 from gfmdlayer.config import load
+from gfmdlayer.results.provenance import duration
 from gfmdlayer.results.reader import open_results
-from gfmdlayer.study import claims, status
+from gfmdlayer.study import claims
 from gfmdlayer.study import progress as reports
 from gfmdlayer.study.folder import Folder, FolderError
 from gfmdlayer.study.interrupts import Stopped
@@ -241,4 +242,4 @@ def test_a_log_has_few_lines_with_the_time():
     [(0.04, "0.0 s"), (9.96, "10 s"), (59.6, "1 min 0 s"), (3599, "59 min 59 s"), (90000, "1 d 1 h")],
 )
 def test_durations_are_written_for_people(seconds, text):
-    assert status.duration(seconds) == text
+    assert duration(seconds) == text

@@ -42,10 +42,9 @@ from gfmdlayer.results.convergence import FILE, open_convergence
 from gfmdlayer.results.gathering import lay_out
 from gfmdlayer.results.names import FIELDS, SWEEP_FILE, ResultsError, described_key
 from gfmdlayer.results.netcdf import opened
-from gfmdlayer.results.provenance import LIBRARIES, now, provenance
+from gfmdlayer.results.provenance import LIBRARIES, duration, now, provenance
 from gfmdlayer.results.reader import VERIFIED
 from gfmdlayer.results.stored import unit_of
-from gfmdlayer.study.status import duration
 from gfmdlayer.validation import text
 
 if TYPE_CHECKING:
@@ -143,7 +142,7 @@ class Reader:
         columns = [name for name, axes in along.items() if axes[:1] == ("time",)]
 
         def each_row(names: Sequence[str]) -> float:
-            return sum(variables[name].size for name in names) / max(contents.rows, 1)
+            return float(sum(variables[name].size for name in names) / max(contents.rows, 1))
 
         fewest = min(LEAST_ROWS, contents.rows)
         shown = columns

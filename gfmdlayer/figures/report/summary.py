@@ -10,7 +10,7 @@ import io
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-from gfmdlayer.study.status import duration
+from gfmdlayer.results.provenance import duration
 
 MOST_DOUBTS = 12
 FAILED = ("failed", "damaged")
