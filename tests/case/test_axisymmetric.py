@@ -189,7 +189,7 @@ def test_the_cost_has_no_transforms():
 def test_periodic_configurations_keep_their_digests():
     """The geometry does not enter where it is not given."""
     assert "geometry" not in Config(name="x").model_dump(exclude_none=True)["grid"]
-    assert Config(name="x").grid.points == (16384,)
+    assert Config(name="x").grid.points == (1024,)
 
 
 def test_steps_close_the_balance_or_a_warning_names_those_that_do(tmp_path):

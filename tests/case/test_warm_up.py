@@ -170,7 +170,7 @@ def test_no_number_of_a_user_enters_the_case_that_compiles(laws):
     ids=str,
 )
 def test_cases_of_one_kind_are_warmed_up_and_costed_together(values, alike):
-    config = Config(name="kinds")
+    config = Config(name="kinds", time={"step": 0.005})
     assert (kind(config) == kind(config.with_values(values))) is alike
 
 

@@ -72,7 +72,7 @@ def test_a_kind_without_finished_cases_counts_as_a_typical_one():
 
 def test_without_finished_cases_the_work_counts():
     sizes = [(256, 1.0), (1024, 8.0), (256, 8.0), (1024, 1.0)]
-    every = [case_with({"grid.points": points, "time.end": end}) for points, end in sizes]
+    every = [case_with({"grid.points": points, "time.end": end, "time.step": 0.005}) for points, end in sizes]
     found = [CostModel(expected=work).seconds(config) for config in every]
     assert sorted(found, reverse=True) == [found[place] for place in (1, 2, 3, 0)]
 
@@ -157,7 +157,7 @@ def test_rows_of_the_quick_configurations_are_within_a_factor_of_two(path, recor
     ("values", "rows"),
     [
         ({}, 64),
-        ({"time.tolerance": 1e-2}, 32),
+        ({"time.tolerance": 1e-2}, 64),  # for straight lines between the rows
         ({"time.tolerance": 1e-5}, 144),
         ({"output.times": 0.05}, 400),
     ],
