@@ -27,6 +27,8 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    __version__: str
+
     from gfmdlayer.body.anisotropic import Anisotropic
     from gfmdlayer.body.closed_form import LayeredHalfspace, relaxation_spectrum
     from gfmdlayer.body.continuous import FractionalZener, HavriliakNegami, Kohlrausch, PowerLaw
@@ -137,6 +139,10 @@ _HOME = {name: module for module, names in _MODULES.items() for name in names}
 
 
 def __getattr__(name: str) -> object:
+    if name == "__version__":
+        from importlib.metadata import version
+
+        return version("gfmdlayer")
     if name not in _HOME:
         from gfmdlayer.validation.problems import nearest
 

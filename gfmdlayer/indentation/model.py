@@ -39,10 +39,11 @@ if TYPE_CHECKING:
     from gfmdlayer.indentation.solve import Edge
 
 # Adaptive steps of an isolated contact in a stretch between breakpoints, those that grow with the root of
-# the tolerance over 1e-4; quarters of a mesh that lands on the output times; the work of a step in
-# points times FFT pairs, and its seconds. Measured at tolerances from 1e-2 to 1e-6.
+# the tolerance over 1e-4; the fewest that lines between them follow; quarters of a mesh that lands on the
+# output times; the work of a step in points times FFT pairs, and its seconds. Measured at tolerances from
+# 1e-2 to 1e-6.
 _SAMPLES = 2000.0  # of a history, for each change of ln aT by one
-_FEWEST, _GROWING, _QUARTERS, _WORK, _SECONDS = 11, 21, 4, 500, 1e-4
+_FEWEST, _GROWING, _DRAWN, _QUARTERS, _WORK, _SECONDS = 11, 21, 30, 4, 500, 1e-4
 
 
 class IsolatedContact(Model):
@@ -146,7 +147,8 @@ class IsolatedContact(Model):
             stops = self.drives.landings
             stretches = 1 + sum(stop.breakpoint for stop in stops)
             growing = _GROWING * math.sqrt(1e-4 / (config.time.tolerance or 1e-4))
-            steps = max(round(stretches * (_FEWEST + growing)), _QUARTERS * (len(stops) - 1))
+            each = max(_FEWEST + growing, _DRAWN)
+            steps = max(round(stretches * each), _QUARTERS * (len(stops) - 1))
         fields = config.grid.points[0] * (1 + 3 * len(config.output.snapshot_times))
         storage = HEADER + REAL * (len(INDENTATION) * max(steps, ROWS) + fields)
         return Footprint(steps, 0.0, _WORK * steps, PROGRAM, storage, _SECONDS * steps)
