@@ -3,13 +3,13 @@
 One contact      solve: a periodic or isolated contact of any surface
                  indent: an isolated punch of revolution over time
 Runs, sweeps     run, load, Config; Case, simulate: parts of your own
-                 converge: how sure the numbers are
+                 converge: how sure the numbers are; Observable, Column: columns of your own
 Results          open_results, open_case; leakage, inside; plot, and `.plot()` of a result
 Fits             fit_indentation, fit_map, ForceCurve, design_indentation; fit_material
 Bodies           halfspace, bonded_layer; Layer, Halfspace, LayerStack, Pair
                  Anisotropic, Lattice, Tabulated; Solid: of your own
 Materials        Elastic, Zener, Prony, PowerLaw, FractionalZener, HavriliakNegami, Kohlrausch
-                 shifts: WLF, Arrhenius
+                 shifts: WLF, Arrhenius; Material: of your own
 Punches          Parabola, Sphere, Cylinder, Flat, Cone, BluntedCone, Wedge, Pyramid, Sinusoid
                  rough: SelfAffine, Topography; of indent alone: FlatPunch, RadialProfile
 Interfaces       Exponential, Dugdale, LennardJones, Electrostatic
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from gfmdlayer.body.lattice import Lattice
     from gfmdlayer.body.layer import Halfspace, Layer
     from gfmdlayer.body.layers import LayerStack, ViscoelasticLayer, bonded_layer, halfspace
-    from gfmdlayer.body.materials import Elastic, Prony, Zener
+    from gfmdlayer.body.materials import Elastic, Material, Prony, Zener
     from gfmdlayer.body.pair import Pair
     from gfmdlayer.body.relaxation import Spectrum
     from gfmdlayer.body.shifts import WLF, Arrhenius
@@ -60,6 +60,7 @@ if TYPE_CHECKING:
     from gfmdlayer.interactive.run import run
     from gfmdlayer.interactive.solve import solve
     from gfmdlayer.interface.adhesion import Dugdale, Electrostatic, Exponential, LennardJones
+    from gfmdlayer.observables import Column, Observable
     from gfmdlayer.punch.measured import Topography
     from gfmdlayer.punch.self_affine import SelfAffine
     from gfmdlayer.punch.simple_shapes import (
@@ -80,16 +81,16 @@ if TYPE_CHECKING:
     from gfmdlayer.study.folder import FolderError
 
 __all__ = [
-    "WLF", "Anisotropic", "Arrhenius", "BluntedCone", "Case", "Cone", "Config", "ConfigError",
+    "WLF", "Anisotropic", "Arrhenius", "BluntedCone", "Case", "Column", "Cone", "Config", "ConfigError",
     "ConvergenceError", "Cylinder", "Dugdale", "Elastic", "Electrostatic", "Exponential", "FitError",
     "Flat", "FlatPunch", "FolderError", "ForceCurve", "FractionalZener", "GfmdlayerError", "Halfspace",
     "HavriliakNegami", "Kohlrausch", "Lattice", "Layer", "LayerStack", "LayeredHalfspace",
-    "LennardJones", "Pair", "Parabola", "PowerLaw", "Prony", "Pyramid", "RadialProfile", "ResultsError",
-    "SelfAffine", "Sinusoid", "Solid", "Spectrum", "Sphere", "Tabulated", "Topography",
-    "ViscoelasticLayer", "Wavevectors", "Wedge", "Zener", "bonded_layer", "converge",
-    "design_indentation", "fit_indentation", "fit_map", "fit_material", "halfspace", "indent", "inside",
-    "leakage", "load", "open_case", "open_results", "plot", "relaxation_spectrum", "run", "simulate",
-    "solve",
+    "LennardJones", "Material", "Observable", "Pair", "Parabola", "PowerLaw", "Prony", "Pyramid",
+    "RadialProfile", "ResultsError", "SelfAffine", "Sinusoid", "Solid", "Spectrum", "Sphere",
+    "Tabulated", "Topography", "ViscoelasticLayer", "Wavevectors", "Wedge", "Zener", "bonded_layer",
+    "converge", "design_indentation", "fit_indentation", "fit_map", "fit_material", "halfspace",
+    "indent", "inside", "leakage", "load", "open_case", "open_results", "plot", "relaxation_spectrum",
+    "run", "simulate", "solve",
 ]  # fmt: skip
 
 _MODULES = {
@@ -126,7 +127,8 @@ _MODULES = {
     "gfmdlayer.study.folder": ("FolderError",),
     "gfmdlayer.body.layer": ("Halfspace", "Layer"),
     "gfmdlayer.body.layers": ("LayerStack", "ViscoelasticLayer", "bonded_layer", "halfspace"),
-    "gfmdlayer.body.materials": ("Elastic", "Prony", "Zener"),
+    "gfmdlayer.body.materials": ("Elastic", "Material", "Prony", "Zener"),
+    "gfmdlayer.observables": ("Column", "Observable"),
     "gfmdlayer.body.continuous": ("FractionalZener", "HavriliakNegami", "Kohlrausch", "PowerLaw"),
     "gfmdlayer.body.shifts": ("WLF", "Arrhenius"),
     "gfmdlayer.body.relaxation": ("Spectrum",),

@@ -57,7 +57,7 @@ class _LawOrFile(OneOf[Any]):
 
 def _law(value: Any, validated: Any) -> Law:
     """Return a law, or the law in a file."""
-    law = value if isinstance(value, Law) else validated(value)
+    law = value.in_configurations if isinstance(value, Law) else validated(value)
     return read_material(law.file) if isinstance(law, MaterialFile) else law
 
 

@@ -111,6 +111,11 @@ class Law(Kind):
         return tuple(name for name in cls.model_fields if name not in cls.BY_NAME)
 
     @property
+    def in_configurations(self) -> Law:
+        """The law as a configuration writes it."""
+        return self
+
+    @property
     def units(self) -> tuple[str, str] | None:
         """Units of moduli and times of a law from a file; None once they are those of the configuration."""
         return self._units
@@ -216,7 +221,25 @@ class Law(Kind):
 
 
 class Material(Law):
-    """A law of springs and dashpots: a spring beside Maxwell branches."""
+    """A law of springs and dashpots: a spring beside Maxwell branches.
+
+    A class of your own has a field `model`, its parameters, `relaxed` and `maxwell_branches`; runs take it as
+    the Prony series that it is.
+
+    Examples
+    --------
+    The modes of a Rouse chain:
+
+    >>> from typing import Literal
+    >>> class Rouse(gfmdlayer.Material):
+    ...     model: Literal["rouse"] = "rouse"
+    ...     G: float
+    ...     tau: float
+    ...     relaxed = property(lambda self: 1e-3 * self.G)
+    ...     maxwell_branches = property(lambda self: tuple((self.G, self.tau / k**2) for k in range(1, 6)))
+    >>> Rouse(G=1.0, tau=2.0).glassy
+    5.001
+    """
 
     __init__ = Law.__init__
 
@@ -224,6 +247,13 @@ class Material(Law):
     @abstractmethod
     def maxwell_branches(self) -> tuple[tuple[float, float], ...]:
         """Pairs (G_k, tau_k) of the Maxwell branches: modulus G_k >= 0 and relaxation time tau_k > 0."""
+
+    @property
+    def in_configurations(self) -> Law:
+        """A law of the session's own class as its Prony series, which is the same law."""
+        if type(self).__module__.startswith("gfmdlayer."):
+            return self
+        return Prony(self.relaxed, self.maxwell_branches, **({"shift": self.shift} if self.shift else {}))
 
     @property
     def branch_moduli(self) -> FloatArray:

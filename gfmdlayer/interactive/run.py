@@ -36,6 +36,7 @@ from gfmdlayer.errors import warn
 from gfmdlayer.files.cache import MemoryFile
 from gfmdlayer.files.whole import unfinished
 from gfmdlayer.grid.grid import Grid
+from gfmdlayer.observables import Observable, measured_too
 from gfmdlayer.punch.shape import Shape
 from gfmdlayer.punch.topography import numbers, outward_heights
 from gfmdlayer.results.case_file import CaseContents, case_contents
@@ -372,6 +373,7 @@ def run(
     jobs: int = 1,
     threads: int = 1,
     trust: bool = False,
+    observables: Sequence[type[Observable]] = (),
     **values: object,
 ) -> xarray.Dataset:
     """Run a configuration and return its results.
@@ -401,6 +403,8 @@ def run(
     trust : bool
         Of the file of a case: run the Python code that it names as its body; without it such a file is
         refused.
+    observables : sequence of type
+        Classes of your own that derive from `Observable`, for columns of a run in memory and one process.
     **values
         Keys of the configuration and their values: ``layer__thickness=0.1``, or
         ``**{"layer.thickness": 0.1}``; None leaves a key out. The `voltage` of an interface law may be an
@@ -444,14 +448,28 @@ def run(
     if not isinstance(out, str | os.PathLike | None):
         raise ConfigError([f"out: got {shown(out)}; must be the name of a folder"])
     keys = {key.replace("__", "."): value for key, value in values.items()}
-    cases = checked(partial(configuration, config, punch, history, keys, trust))
-    if jobs > 1:
-        for key, file in files_named(cases.config).items():
-            if is_in_memory(file):
-                _refuse_class(key, "with several jobs")
-    if out is not None:
-        return _run_in_folder(cases, Path(out), progress, jobs, threads)
-    return _run_in_memory(cases, progress, jobs, threads)
+    if observables:
+        if out is not None or jobs > 1:
+            beside = "out" if out is not None else "several jobs"
+            raise ConfigError(
+                [f"observables: not available with {beside}: only this process has the classes"]
+            )
+        if isinstance(config, Config):  # what is kept with the user's has not these columns
+            config = config.model_copy()
+    with ExitStack() as stack:
+        try:
+            if observables:
+                stack.enter_context(measured_too(observables))
+        except (TypeError, ValueError) as error:
+            raise ConfigError([f"observables: {error}"]) from None
+        cases = checked(partial(configuration, config, punch, history, keys, trust))
+        if jobs > 1:
+            for key, file in files_named(cases.config).items():
+                if is_in_memory(file):
+                    _refuse_class(key, "with several jobs")
+        if out is not None:
+            return _run_in_folder(cases, Path(out), progress, jobs, threads)
+        return _run_in_memory(cases, progress, jobs, threads)
 
 
 def _refuse_class(key: str, where: str) -> NoReturn:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 from gfmdlayer.made_once import kept_with
@@ -50,6 +52,7 @@ __all__ = [
     "declared",
     "known_columns",
     "known_numbers",
+    "measured_too",
     "observables",
     "totals",
 ]
@@ -82,6 +85,29 @@ OBSERVABLES: dict[str, type[Observable]] = {
 
 # Columns that are NaN in the rows between two others.
 SPARSE = frozenset(each.name for each in (*FLOW, *THROATS, RESISTANCE, *STIFFNESS, *LARGEST))
+
+
+@contextmanager
+def measured_too(own: Sequence[type[Observable]]) -> Iterator[None]:
+    """Measure observables of the session's own classes too, within the block.
+
+    TypeError for what is no such class, ValueError for a column that another one has.
+    """
+    known = {*known_columns(), *known_numbers()}
+    for each in own:
+        if not (isinstance(each, type) and issubclass(each, Observable)):
+            raise TypeError(f"got {each!r}; must be a class that derives from gfmdlayer.Observable")
+        for column in each.COLUMNS:
+            if column.name in known:
+                raise ValueError(f"{each.__name__}: there is a column {column.name!r}; take another name")
+            known.add(column.name)
+    names = {f"{each.__qualname__} {place}": each for place, each in enumerate(own)}
+    OBSERVABLES.update(names)
+    try:
+        yield
+    finally:
+        for name in names:
+            del OBSERVABLES[name]
 
 
 def observables(case: Observed) -> dict[str, Observable]:

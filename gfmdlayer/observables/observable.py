@@ -61,7 +61,13 @@ class Places(Bins):
 
 @dataclass(frozen=True)
 class Column:
-    """One column of the rows, a number for each accepted step or for each bin; or a field of a snapshot."""
+    """One column of the rows, a number for each accepted step or for each bin; or a field of a snapshot.
+
+    Examples
+    --------
+    >>> gfmdlayer.Column("highest", "largest pressure", "pressure").described
+    {'long_name': 'largest pressure', 'units': 'pressure'}
+    """
 
     name: str  # in the files
     long_name: str  # its meaning
@@ -164,6 +170,19 @@ class Observable(Saving):
         Attributes of the result file, known at the end of the run.
     warning : str
         A line for the log at the end of the run; empty where all is well.
+
+    Examples
+    --------
+    A column of your own, from the fields of a step (displacement, pressure, gap):
+
+    >>> class Highest(gfmdlayer.Observable):
+    ...     COLUMNS = (gfmdlayer.Column("highest", "largest pressure", "pressure"),)
+    ...
+    ...     def measure(self, step):
+    ...         return {"highest": float(step.fields["pressure"].max())}
+    >>> data = gfmdlayer.run({"time": {"end": 1.0}}, observables=[Highest])
+    >>> float(data.highest[-1]) > 0
+    True
     """
 
     COLUMNS: ClassVar[tuple[Column, ...]] = ()

@@ -118,6 +118,11 @@ class Section(BaseModel, metaclass=_Shown):
     model_config = ConfigDict(frozen=True, extra="forbid", defer_build=True)
     entries: ClassVar[type[Section] | None] = None  # section under each key that the user chooses
 
+    @property
+    def in_configurations(self) -> Section:
+        """The section as a configuration writes it: itself, where its class is one of the package's."""
+        return self
+
     if not TYPE_CHECKING:  # type checkers see the keys themselves
 
         @alone
@@ -210,7 +215,7 @@ class Kind(Section):
 def plain(value: object) -> Any:
     """Return values of Python, NumPy and sections as plain data for YAML."""
     if isinstance(value, Section):
-        value = value.model_dump(exclude_unset=True)
+        value = value.in_configurations.model_dump(exclude_unset=True)
     if isinstance(value, Mapping):
         return {str(key): plain(entry) for key, entry in value.items()}
     if isinstance(value, list | tuple | range):
