@@ -58,11 +58,11 @@ def python() -> Iterator[tuple[str, str]]:
 
 def parameters(found: object) -> list[str]:
     """Return the names of the parameters, or an empty name where there are none."""
-    try:
-        of = inspect.signature(found).parameters.values()  # type: ignore[arg-type]
-    except ValueError:  # an exception that takes what Exception takes
-        return [""]
-    return [each.name for each in of if each.kind not in {each.VAR_KEYWORD, each.VAR_POSITIONAL}] or [""]
+    # Not the signature of a class, which Pydantic hands on from a base class once that has been looked at.
+    function = found.__init__ if inspect.isclass(found) else found  # type: ignore[misc]
+    of = inspect.signature(function).parameters.values()  # type: ignore[arg-type]
+    several = {inspect.Parameter.VAR_KEYWORD, inspect.Parameter.VAR_POSITIONAL}
+    return [each.name for each in of if each.name != "self" and each.kind not in several] or [""]
 
 
 def commands() -> Iterator[tuple[str, str]]:

@@ -544,7 +544,7 @@ class Temperature(Section):
     value: Annotated[Celsius | None, given] = None
     """temperature at all times: degrees Celsius"""
     file: Annotated[File | None, given] = None
-    """two columns, time and temperature, without a unit in degrees Celsius; in place of value"""
+    """two columns, time and temperature (degrees Celsius), in place of value"""
     reading: Annotated[Reading | None, given] = None
     """how the file is read, where it does not say so"""
 

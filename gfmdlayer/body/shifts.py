@@ -90,7 +90,7 @@ class WLF(Shift):
     C1: Positive
     """constant of the law, 17.44 where the reference is the glass transition"""
     C2: Positive
-    """constant of the law, 51.6 where the reference is the glass transition: kelvin"""
+    """constant, 51.6 where the reference is the glass transition: kelvin"""
 
     @property
     def pole(self) -> float:

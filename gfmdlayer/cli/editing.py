@@ -136,8 +136,7 @@ sweep: {trajectory.velocity: {from: 100.0, to: 10000.0, points: 5, spacing: log}
 """,
     ),
     "seal": (
-        "A rough metal surface is pressed on a rubber seal: leakage, for `gfmdlayer leak`, while the rubber "
-        "relaxes.",
+        "A rough metal surface is pressed on a rubber seal: leakage while the rubber relaxes.",
         _MM,
         """
 grid: {points: [128, 128], period: 0.2}
@@ -149,8 +148,7 @@ output: {snapshots: [0.1, 100.0], leakage: {every: 1}}
 """,
     ),
     "master-curve": (
-        "A roller on rubber at several speeds and temperatures: its friction falls on one curve over the "
-        "speed times the shift factor.",
+        "A roller on rubber at speeds and temperatures: friction falls on one curve by the shift factors.",
         _MM,
         """
 grid: {points: 256, period: 40.0}

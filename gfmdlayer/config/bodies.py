@@ -94,17 +94,17 @@ class Counterbody(Section):
     """A second deformable body behind the shape of the punch; by default an elastic halfspace."""
 
     body: Annotated[Solid | None, BODY, given] = None
-    """the counterbody; layers, by the three keys below, or {file: mine.py, ...}"""
+    """the counterbody; layers, by the keys below, or {file: mine.py, ...}"""
     layers: Annotated[StackedLayers | None, given] = None
     """layers of the counterbody, from its surface inwards"""
     layer: Annotated[Layer | None, given] = None
-    """the only layer of the counterbody; without it and layers, the halfspace is the counterbody"""
+    """the only layer; without it and layers, the halfspace is the counterbody"""
     halfspace: Annotated[Halfspace | None, given] = Field(
         default_factory=lambda data: Halfspace() if layered(data) else None
     )
-    """the halfspace behind the layers; shear_modulus .inf without layers: a rigid counterbody"""
+    """the halfspace behind them; .inf without layers: a rigid counterbody"""
     velocity_ratio: Annotated[Finite | None, given] = None
-    """velocity of the contact along it, over trajectory.velocity: 0 slides, 1 rolls (as with creepage)"""
+    """its velocity over trajectory.velocity: 0 slides, 1 rolls (with creepage)"""
 
     def problems(self) -> Iterator[Mistake]:
         """Yield contradictions between the keys; a halfspace needs no layer, and may be rigid."""

@@ -140,7 +140,7 @@ class Trajectory(Section):
     """The prescribed depth of Eq. (30), mean pressure or force over time."""
 
     control: Annotated[str, Word(*CONTROLS)] = "depth"
-    """prescribed quantity: depth, gap (mean gap), load (mean pressure) or force"""
+    """prescribed: depth, gap (mean gap), load (mean pressure) or force"""
     kind: Annotated[str, Word(*KINDS)] = "ramp_hold"
     """ramp_hold, approach_retract, or table (from a file)"""
     depth: Annotated[Finite | None, given] = Field(
@@ -150,7 +150,7 @@ class Trajectory(Section):
     )
     """prescribed depth; negative is a gap, with attraction: length"""
     gap: Optional = None
-    """control: gap: prescribed mean gap, which the ramp reaches from the first touch: length"""
+    """control: gap: mean gap that the ramp reaches from first touch: length"""
     load: Annotated[NotNegative | None, given] = None
     """control: load: prescribed mean pressure: pressure"""
     force: Annotated[NotNegative | None, given] = None

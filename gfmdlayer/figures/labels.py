@@ -145,7 +145,8 @@ def words_of(array: DataArray) -> str:
     if name in WORDS and "key" not in array.attrs:
         return WORDS[name]
     said = str(array.attrs.get("long_name", ""))
-    return re.split(r",| \(", said, maxsplit=1)[0] or name.replace("_", " ")
+    words = re.split(r",| \(", said, maxsplit=1)[0] or name.replace("_", " ")
+    return f"{words}, {array.attrs['place']}" if "place" in array.attrs else words
 
 
 def mathtext(plain: str) -> str:

@@ -179,7 +179,7 @@ class Sinusoid(Analytic):
     amplitude: Amplitudes
     """amplitude, or one for each direction: length"""
     wavelength: Lengths
-    """wavelength, or one for each direction; a whole number fill the period: length"""
+    """wavelength, or [x, y]; whole numbers fill the period: length"""
 
     def height(self, axes: Axes) -> FloatArray:
         """Amplitude times (1 - cos(2 pi x/wavelength)), summed over the axes."""

@@ -93,7 +93,7 @@ WRONG = {
     # bodies, materials, punches, interfaces
     "radius without a name": (lambda: g.Sphere(5.0), "Sphere: got 1 value without a name", "such as Sphere(radius=5.0)"),
     "R": (lambda: g.Sphere(R=5.0), "R: unknown key", "allowed: shape, radius"),
-    "radius with a unit": (lambda: g.Sphere(radius="5 um"), "radius: got the text '5 um'", "no quotes and no unit"),
+    "radius with a unit": (lambda: g.Sphere(radius="5 um"), "radius: got the text '5 um'", "a section by itself has no units"),
     "modulus E": (lambda: g.Elastic(E=1.0), "E: unknown key", "allowed: model, moduli, shift, young, bulk, G"),
     "too many moduli": (lambda: g.Zener(1.0, 2.0, 3.0, 4.0), "Zener: got 4 values without a name", "takes G0, Ginf, tau in this order"),
     "Ginf below G0": (lambda: g.Zener(G0=2.0, Ginf=1.0), "Ginf: got 1.0, below G0 = 2.0", "must be a number >= G0"),
