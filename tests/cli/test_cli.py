@@ -120,7 +120,7 @@ def test_help_needs_no_docstrings():
 
 
 def test_version_is_that_of_the_distribution():
-    assert re.fullmatch(r"gfmdlayer \d+\.\d+\.\d+\n", gfmdlayer("--version").stdout)
+    assert re.fullmatch(r"gfmdlayer \d+\.\d+\.\d+(\.dev\d+)?\n", gfmdlayer("--version").stdout)
 
 
 @pytest.fixture(scope="module")

@@ -6,6 +6,7 @@ import pytest
 import gfmdlayer
 from gfmdlayer.figures import curves_figure
 from gfmdlayer.figures.field_plots import inside_figure
+from gfmdlayer.figures.labels import labelled
 from gfmdlayer.figures.plots import plot_results
 from gfmdlayer.figures.report.page import Listed, payload
 from gfmdlayer.results.names import ResultsError
@@ -19,6 +20,13 @@ RUN = {
 
 def text_of(axes):
     return " ".join([axes.get_xlabel(), axes.get_ylabel(), axes.get_title(loc="right")])
+
+
+@pytest.fixture(autouse=True)
+def symbols():
+    """Axes by their symbols alone; words before them have tests of their own."""
+    with labelled("symbols"):
+        yield
 
 
 def test_the_section_of_a_line_has_depth_downward_and_the_interface_at_its_depth():

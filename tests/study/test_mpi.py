@@ -25,7 +25,7 @@ SWEEP = "sweep: {layer.thickness: [0.02, 0.1, .inf]}\n"
 
 @pytest.fixture(autouse=True)
 def configuration():
-    assert MPIRUN.exists(), "the tests need the MPI of the extra `mpich`: pip install -e '.[mpich,test]'"
+    assert MPIRUN.exists(), "the tests need the MPI of the extra `mpi`: pip install -e '.[mpi,test]'"
     Path("tiny.yaml").write_text(TINY + SWEEP)
 
 

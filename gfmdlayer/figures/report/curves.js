@@ -85,8 +85,8 @@ function saveCurves() {
 
 /** The label of a column that is divided by a scale, for the head of a file. */
 function scaled(name) {
-  const label = bare(COLUMNS.get(name).label);
-  return label.includes("/") && !label.endsWith(")") ? ` [${label}]` : "";
+  const symbol = bare(COLUMNS.get(name).symbol);
+  return symbol.includes("/") ? ` [${symbol}]` : "";
 }
 
 /** Whether half of the rows of a case lie in the first thirtieth of its time, as where it relaxes over decades. */

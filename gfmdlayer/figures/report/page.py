@@ -349,9 +349,10 @@ PLACED = {
 
 
 class Drawn(NamedTuple):
-    """How a variable is drawn: the label of its axis, and the divisor of the values in the file."""
+    """How a variable is drawn: label of its axis, symbol, and the divisor of the values in the file."""
 
     label: str
+    symbol: str
     divisor: float
 
     @classmethod
@@ -359,7 +360,7 @@ class Drawn(NamedTuple):
         """Return it for values up to `largest`: the power of ten goes with the unit, if it has one."""
         axis = quantity(xarray.DataArray(np.nan, name=name, attrs=dict(attributes)), scales)
         axis = axis.fit([largest / axis.scale]) if axis.unit else axis
-        return cls(html(axis.label), axis.scale * 10.0**axis.power)
+        return cls(html(axis.label), html(axis.symbol), axis.scale * 10.0**axis.power)
 
     def __call__(self, values: Any) -> str:
         """Return values as the page holds them."""
@@ -397,7 +398,12 @@ def payload(cases: Sequence[Listed], config: str = "") -> dict[str, Any]:
     return {
         "keys": swept.keys,
         "columns": [
-            {"name": name, "label": drawn.label, "meaning": described[name].attributes.get("long_name", "")}
+            {
+                "name": name,
+                "label": drawn.label,
+                "symbol": drawn.symbol,
+                "meaning": described[name].attributes.get("long_name", ""),
+            }
             | _bins(name, described, complete, scales)
             for name, drawn in columns.items()
         ],
