@@ -86,29 +86,10 @@ class Interior(ABC):
         """Whether only the springs of a snapshot determine the fields at other depths."""
 
     @abstractmethod
-    def _spectra(self, springs: SpringFields, place: LayerDepth) -> ComplexArray:
-        """Return the transforms of the fields at a place, in the order of the names, but for the mean."""
-
-    @abstractmethod
-    def _means(self, springs: SpringFields, depth: float) -> Mapping[str, ComplexArray]:
-        """Return the means of displacements and of the stresses on planes z = const that are not zero."""
-
     def at(
         self, springs: SpringFields, place: LayerDepth, names: Collection[str] | None = None
     ) -> dict[str, FloatArray]:
         """Return the fields at a place by name, each of the grid's shape; default: all fields."""
-        spectra = self._spectra(springs, place)
-        if (at := self._at_mean).size:
-            nu, means = self.body.present[place.layer].poisson, dict(self._means(springs, place.depth))
-            means["xx"] = means["yy"] = nu / (1 - nu) * means["zz"]
-            for name, spectrum in zip(self.names, spectra, strict=True):
-                spectrum[at] = means.get(name, 0.0)
-        shape = self.grid.spectral_shape
-        return {
-            name: self.grid.from_waves(spectrum.reshape(shape))
-            for name, spectrum in zip(self.names, spectra, strict=True)
-            if names is None or name in names
-        }
 
     def recorded(self, springs: SpringFields) -> dict[str, NDArray[Any]]:
         """Return the fields of a snapshot, (places, *grid), and where they are needed the springs."""
@@ -141,7 +122,36 @@ class Interior(ABC):
         return np.asarray(np.fft.rfftn(fields, axes=axes).reshape(len(fields), -1))
 
 
-class NormalInterior(Interior):
+class BodyInterior(Interior):
+    """The fields in one body."""
+
+    @abstractmethod
+    def _spectra(self, springs: SpringFields, place: LayerDepth) -> ComplexArray:
+        """Return the transforms of the fields at a place, in the order of the names, but for the mean."""
+
+    @abstractmethod
+    def _means(self, springs: SpringFields, depth: float) -> Mapping[str, ComplexArray]:
+        """Return the means of displacements and of the stresses on planes z = const that are not zero."""
+
+    def at(
+        self, springs: SpringFields, place: LayerDepth, names: Collection[str] | None = None
+    ) -> dict[str, FloatArray]:
+        """Return the fields at a place of the body."""
+        spectra = self._spectra(springs, place)
+        if (at := self._at_mean).size:
+            nu, means = self.body.present[place.layer].poisson, dict(self._means(springs, place.depth))
+            means["xx"] = means["yy"] = nu / (1 - nu) * means["zz"]
+            for name, spectrum in zip(self.names, spectra, strict=True):
+                spectrum[at] = means.get(name, 0.0)
+        shape = self.grid.spectral_shape
+        return {
+            name: self.grid.from_waves(spectrum.reshape(shape))
+            for name, spectrum in zip(self.names, spectra, strict=True)
+            if names is None or name in names
+        }
+
+
+class NormalInterior(BodyInterior):
     """The fields under pressure; `modes` is the `spectrum` of the integrator's body."""
 
     def __init__(
@@ -304,12 +314,6 @@ class PairInterior(Interior):
     def _recalled(self, fields: FloatArray) -> ComplexArray:
         first, second = self._own
         return np.vstack((first._recalled(fields[: first.kept]), second._recalled(fields[first.kept :])))
-
-    def _spectra(self, springs: SpringFields, place: LayerDepth) -> ComplexArray:
-        raise NotImplementedError  # each body has its own
-
-    def _means(self, springs: SpringFields, depth: float) -> Mapping[str, ComplexArray]:
-        raise NotImplementedError
 
 
 def _on_both(tractions: ComplexArray) -> tuple[ComplexArray, ComplexArray]:

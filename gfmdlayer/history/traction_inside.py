@@ -25,14 +25,14 @@ from gfmdlayer.body.layers import Layers
 from gfmdlayer.body.materials import Elastic
 from gfmdlayer.body.solid import LayerDepth
 from gfmdlayer.grid.grid import Grid
-from gfmdlayer.history.inside import Interior, SpringFields
+from gfmdlayer.history.inside import BodyInterior, SpringFields
 from gfmdlayer.history.traction_modes import TractionWaves
 from gfmdlayer.kernels import kernel
 
 _CHUNK = 4096  # waves whose stretches are summed at once
 
 
-class TractionInterior(Interior):
+class TractionInterior(BodyInterior):
     """The fields under pressure and shear traction.
 
     The first rows of `SpringFields` are displacements (W, U[, V]) and tractions (p, T[, S]) of the surface.
