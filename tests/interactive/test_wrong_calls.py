@@ -119,6 +119,7 @@ WRONG = {
     "SI": (lambda: g.fit_indentation(CURVE, MODEL, FREE, units="SI"), "units: got 'SI'", "such as ('s', 'nm', 'nN')"),
     "another contact": (lambda: g.fit_map(CURVE, MODEL, FREE, contact="auto"), "contact: got 'auto'", "must be one of given, detect"),
     "segments as numbers": (lambda: g.fit_indentation(CURVE, MODEL, FREE, segments=[1]), "segments: got [1]", "must be names"),
+    "noise as a word": (lambda: g.ForceCurve("a", DEPTH, DEPTH, DEPTH**1.5, noise="low"), "curve a: noise = 'low'", "must be > 0 and finite, or None"),
     "a number as curves": (lambda: g.fit_indentation(5.0, MODEL, FREE), "curves: got float", "a ForceCurve, a path"),
     "no curves": (lambda: g.fit_map([], MODEL, FREE), "got no curve", "give at least one"),
     "no jobs of a map": (lambda: g.fit_map(CURVE, MODEL, FREE, jobs=0), "jobs: got 0", "must be a whole number >= 1"),
