@@ -1,4 +1,4 @@
-"""A notebook: what it completes, and one that runs from its first cell to its last."""
+"""What editors complete, and a notebook and a script that run from their first line to their last."""
 
 import json
 import os
@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import gfmdlayer
+from tests.interactive import typed
 
 CALLED = {
     name: called
@@ -92,3 +93,11 @@ def test_a_notebook_runs_from_its_first_cell_to_its_last_without_a_warning(tmp_p
     pictures = [output for output in outputs if "image/png" in output.get("data", {})]
     assert len(pictures) == 5
     assert np.isclose(float(told), 2.0, rtol=0.01)  # nothing else is said
+
+
+def test_the_script_that_mypy_reads_runs(tmp_path, capsys):
+    typed.main(tmp_path)
+    told = capsys.readouterr().out.splitlines()
+    assert float(told[1]) == pytest.approx(2.0, rel=1e-3)
+    assert told[2].startswith("layer.thickness: got -1")
+    assert (tmp_path / "loop.png").exists()
