@@ -534,7 +534,7 @@ def test_a_coefficient_that_rises_steeply_is_that_of_the_speed_at_each_point(tmp
         run(halfspace(0.3, interface=law), values)
 
 
-@pytest.mark.parametrize("poisson", [0.0, 0.3])
+@pytest.mark.parametrize("poisson", [pytest.param(0.0, marks=pytest.mark.slow), 0.3])
 def test_a_coefficient_that_rises_hundreds_of_times_as_fast_as_the_surface_recoils_settles(poisson, tmp_path):
     """Short steps: each point slips at the speed of its coefficient, or sticks below that at rest."""
     table = tmp_path / "friction.txt"

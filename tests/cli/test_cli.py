@@ -271,12 +271,12 @@ def undisturbed(tmp_path_factory):
 @pytest.mark.parametrize(
     ("signum", "jobs"),
     [
-        (signal.SIGHUP, "2"),
+        pytest.param(signal.SIGHUP, "2", marks=pytest.mark.slow),
         (signal.SIGINT, "1"),
         (signal.SIGTERM, "2"),
         (signal.SIGUSR1, "1"),
-        (signal.SIGUSR2, "2"),
-        (signal.SIGXCPU, "1"),
+        pytest.param(signal.SIGUSR2, "2", marks=pytest.mark.slow),
+        pytest.param(signal.SIGXCPU, "1", marks=pytest.mark.slow),
     ],
 )
 def test_a_signal_stops_a_run_that_the_same_command_resumes(signum, jobs, undisturbed, bits, capfd):

@@ -22,7 +22,11 @@ def test_the_command_line_offers_all_of_them(capsys):
     assert ",".join(TEMPLATES) in "".join(capsys.readouterr().out.split())
 
 
-@pytest.mark.parametrize("like", TEMPLATES)
+# A sweep over temperatures, which a task of the gallery runs in a small form.
+LONG = pytest.param("master-curve", marks=pytest.mark.slow)
+
+
+@pytest.mark.parametrize("like", [LONG if each == "master-curve" else each for each in TEMPLATES])
 def test_each_runs_as_it_is_written(like):
     assert main(["new", "--like", like]) == 0
     with assemble() as pool:

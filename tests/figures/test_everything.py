@@ -20,8 +20,8 @@ from gfmdlayer.results.names import OVER_TIME
 from gfmdlayer.results.reader import open_results
 
 SCRIPT = runpy.run_path(str(Path(__file__).parents[2] / "scripts" / "contact_sheet.py"))
-# One of a line over a key, one in SI, one of a surface; the others are slow.
-FEW = ("figure2-quick", "electroadhesion-quick", "rubber-coating-quick")
+# One of a line over a key, one of a surface in SI; the others are slow.
+FEW = ("figure2-quick", "rubber-coating-quick")
 NAMES = [(name, "") for name in SCRIPT["NAMES"]] + [(name, "SI ") for name in SCRIPT["ALSO_IN_SI"]]
 SLOW = [(name, prefix) for name, prefix in NAMES if prefix or name not in FEW]
 DRAWN = [pytest.param(*each, marks=pytest.mark.slow if each in SLOW else ()) for each in NAMES]

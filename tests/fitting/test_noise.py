@@ -75,7 +75,7 @@ def test_a_relaxation_far_shorter_than_the_record_is_found(tau: float, ramp: flo
         assert abs(math.log(fit[key].value / true)) < math.log(high / low)  # twice the half width
 
 
-@pytest.mark.parametrize("approach", [1.0, 10.0, 50.0])
+@pytest.mark.parametrize("approach", [1.0, 10.0, pytest.param(50.0, marks=pytest.mark.slow)])
 def test_a_long_approach_does_not_change_the_modulus(approach: float) -> None:
     """An exact curve of Hertz: lengths in um, E = 7000, .3 um of indentation."""
     depth = np.linspace(-approach, 0.3, 2000)
@@ -87,7 +87,7 @@ def test_a_long_approach_does_not_change_the_modulus(approach: float) -> None:
     assert fit["contact_point"].value == pytest.approx(0.0, abs=1e-4)
 
 
-@pytest.mark.parametrize("approach", [10.0, 50.0])
+@pytest.mark.parametrize("approach", [10.0, pytest.param(50.0, marks=pytest.mark.slow)])
 def test_a_cantilever_that_bends_gives_the_modulus_after_a_long_approach(approach: float) -> None:
     base, spring, factor = np.linspace(-approach, 0.6, 3000), 1e4, 4 / 3 * 7000 / 0.75 * RADIUS**0.5
     depth = np.array(

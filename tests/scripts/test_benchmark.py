@@ -106,6 +106,7 @@ def test_ablation_compares_each_ingredient_with_the_full_method(tables):
     assert 0 < exact["figure2"] < linear["figure2"]
 
 
+@pytest.mark.slow  # benchmark.py --quick, of each change, runs this too
 def test_overhead_counts_every_case_on_one_rank_and_two(tables):
     rows = tables("--only overhead --cases 12")["overhead"]
     assert [(row["ranks"], row["cases"]) for row in rows] == [(1, 12), (2, 12)]
@@ -115,6 +116,7 @@ def test_overhead_counts_every_case_on_one_rank_and_two(tables):
         assert row["steps / case [ms]"] > 0
 
 
+@pytest.mark.slow  # benchmark.py --quick, of each change, runs this too
 def test_a_sweep_is_run_by_both_time_loops_and_in_two_processes(tables):
     found = tables("--only sweep --cases 2 --points 256 --repetitions 1")
     compiled, in_python = found["sweep-loops"]

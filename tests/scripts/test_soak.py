@@ -58,7 +58,7 @@ def test_damaged_configurations_are_taken_or_refused(trials, tmp_path):
     assert ends["refused"] > ends["taken"]
 
 
-@pytest.mark.parametrize("first", [0, 25])
+@pytest.mark.parametrize("first", [0, pytest.param(25, marks=pytest.mark.slow)])
 def test_combinations_of_abilities_are_refused_or_complete_in_all_that_follows(first, trials, tmp_path):
     """Each is run, drawn or reported, opened, interpolated beside half the tolerance, and balanced."""
     trial, ends = trials("combinations").trial, {}
