@@ -107,11 +107,14 @@ def _problems_without_images(config: Any) -> Iterator[Mistake]:
 
 def _problems_of_the_datum(config: Any) -> Iterator[Mistake]:
     """Require the distance from which the depth of a line on a halfspace is counted, and refuse others."""
-    datum, period = config.grid.datum, config.grid.period[0]
+    axes = config.grid.without_images.axes
+    datum, period = config.grid.datum, config.grid.period[axes[0]]
     others = (*_BOUNDARY, "grid.points", "halfspace", "layers", "layer")
-    if len(config.grid.points) == 2 or math.isfinite(config.solid.rigid_below):
+    if len(axes) == 2 or math.isfinite(config.solid.rigid_below):
         if datum is not None:
-            message = "only for a line on a halfspace; here the depth has an origin already; remove it"
+            message = (
+                "only for one isolated axis on a halfspace; here the depth has an origin already; remove it"
+            )
             yield Mistake(("grid", "datum"), message, others)
     elif datum is None:
         message = (
