@@ -119,6 +119,11 @@ class GridKeys(Section):
         return "isolated" in (self.boundary or ())
 
     @property
+    def ends_along_x(self) -> bool:
+        """Whether material that moves along x enters the cell at rest."""
+        return self.isolated and self.without_images.isolated[0]
+
+    @property
     def without_images(self) -> Boundary:
         """The isolated axes and the datum."""
         words = self.boundary or ()
@@ -139,8 +144,10 @@ class GridKeys(Section):
                 "direction"
             )
             yield Mistake(("period",), message, ("points",))
-        if len(self.boundary or ()) > len(self.points):
-            message = f"got {shown(self.boundary)} for one direction of points; must be periodic or isolated"
+        if self.boundary is not None and len(self.boundary) > len(self.points):
+            message = (
+                f"got {len(self.boundary)} words for one direction of points; must be periodic or isolated"
+            )
             yield Mistake(("boundary",), message, ("points",))
         if math.prod(self.points) >= MANY:
             total = f"{math.prod(self.points):.3g} points"
