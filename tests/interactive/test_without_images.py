@@ -90,8 +90,9 @@ def test_a_line_of_spheres_is_hertz_with_the_displacements_of_the_others():
     """Along one axis without images: the doubly isolated contact, and the point loads F at n W on a line.
 
     Their displacement, counted from its mean at the distance B, is 2 F/(pi E W) (gamma + ln(B/2W)). Of the
-    next term, F/(pi E) 2 zeta(3)/W^3, counts a quarter of the mean squares of the radius under the load, 2 a^2/5,
-    and under the weight of a displacement at a given load, that of a flat punch, 2 a^2/3. Left is (a/W)^5.
+    next term, F/(pi E) 2 zeta(3)/W^3, counts a quarter of the mean squares of the radius: under the load,
+    2 a^2/5, and under the weight of a displacement at a given load, that of a flat punch, 2 a^2/3. Left is
+    (a/W)^5.
     """
     F, W, B = 0.002, 0.9, 9.0
     a = (3 * F / (4 * E)) ** (1 / 3)
