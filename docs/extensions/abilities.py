@@ -99,6 +99,10 @@ def abilities() -> Mapping[str, tuple[Fragment, ...]]:
         "isolated contact": (
             {"grid": {"boundary": "isolated", "datum": 2.0}}, {"grid": {"boundary": "isolated"}},
         ),
+        "one isolated axis": (
+            {"grid": {"points": [16, 16], "boundary": ["isolated", "periodic"], "datum": 2.0}},
+            {"grid": {"points": [16, 16], "boundary": ["isolated", "periodic"]}},
+        ),
         "several layers": ({"layers": layers},),
         "free layer": ({"halfspace": {"shear_modulus": 0}},),
         "anisotropic body": ({"body": {"kind": "anisotropic", "C11": 5.0, "C12": 2.0, "C44": 2.5}},),

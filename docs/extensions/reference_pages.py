@@ -243,7 +243,7 @@ def columns() -> Iterator[str]:
     yield "Coordinates, and fields of the surface at the times of `output.snapshots`.\n"
     yield from _columns(VARIABLES.values())
     yield "## Isolated contact\n"
-    yield "With `grid.boundary: isolated` these columns replace means over the cell.\n"
+    yield "With an isolated `grid.boundary` these columns replace means over the cell.\n"
     replaced = {name: each for name, each in TOTALS.items() if each is not None}
     yield from _table(
         ("in place of", "column", "unit", "meaning", "measured"),

@@ -24,6 +24,12 @@ over all waves what does not end before the nearest image; the rest of the two i
 
 with short sums. On a line the integral is int p C cos(q x) dq/pi, and the displacement of a body on a
 halfspace, known up to a constant, is counted from the one at a distance from the load, the datum.
+
+A surface may be isolated along one axis and periodic along the other. Loads with a wavenumber q_m along the
+periodic axis move the surface with the same wavenumber: each q_m is a line of its own, with the compliance
+C((q^2 + q_m^2)^(1/2)) of waves q along the isolated axis. A line is such a surface with q_m = 0 alone. Only
+for q_m = 0 does the displacement need a datum, which is of its mean along the periodic axis. The others end
+like exp(-q_m x) on a halfspace, and those whose images do not count keep C.
 """
 
 from __future__ import annotations
@@ -41,7 +47,7 @@ from gfmdlayer.body.body import Body
 from gfmdlayer.body.layers import Layers
 from gfmdlayer.body.network import relaxation
 from gfmdlayer.body.relaxation import SAME_BRANCH, Spectrum, retardation
-from gfmdlayer.body.solid import WIDEST
+from gfmdlayer.body.solid import WIDEST, Boundary
 from gfmdlayer.body.wavevectors import Wavevectors
 
 # Largest error of G within reach, relative to the largest value of its smooth part.
@@ -77,6 +83,7 @@ _SUDDEN = 1e9  # over the shortest relaxation time, in place of an infinite Lapl
 _SINGULAR = 1e-9  # singular values that are left out, over the largest
 _ORDER = 10  # of Gauss's rule
 _DIRECTIONAL = 1e-6  # relative difference of K along two directions
+_NO_IMAGES = 1e-3 * TOLERANCE  # of the response, below which the images of waves along an axis do not count
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,8 +92,9 @@ class IsolatedBody:
 
     body: Body  # its stiffness depends only on the magnitude of the wavevector
     period: tuple[float, ...]
-    datum: float | None  # of a line: distance from a load at which the surface counts as at rest
-    reach: float  # most periods between two pressed points, ((dx/Lx)^2 + (dy/Ly)^2)^(1/2)
+    boundary: Boundary
+    # Most periods between two pressed points, ((dx/Lx)^2 + (dy/Ly)^2)^(1/2), or along the one isolated axis.
+    reach: float
     error: float  # largest error of the response to a point load within reach, over its smooth part
     low: Spectrum  # relaxing modes of the lowest waves, (waves,)
     number: IntArray  # place of a wave in `low` by its numbers over the period, (|nx|, |ny|); -1: none
@@ -113,7 +121,7 @@ class IsolatedBody:
 
     def _at(self, waves: Wavevectors) -> IntArray:
         """Place of each wave among the lowest; -1 for the others."""
-        most = len(self.number) - 1
+        most = np.reshape(self.number.shape, (2, *[1] * waves.qx.ndim)) - 1
         lengths = (*self.period, self.period[0])[:2]  # a line has no waves along y
         components = zip((waves.qx, waves.qy), lengths, strict=True)
         numbers = np.stack([np.abs(q) * (length / (2 * math.pi)) for q, length in components])
@@ -123,26 +131,27 @@ class IsolatedBody:
         return np.where(low, self.number[nx, ny], -1)
 
 
-def isolated(body: Body, period: tuple[float, ...], datum: float | None = None) -> IsolatedBody:
+def isolated(body: Body, period: tuple[float, ...], boundary: Boundary | None = None) -> IsolatedBody:
     """Return a body for a periodic cell, whose response within reach has no periodic images."""
-    # `datum`, of a line: distance from a load at which the surface counts as at rest, at least the period.
-    # ValueError if the body has no isolated state, or no reach has an error within `TOLERANCE`.
+    # Without a `boundary` no axis has images. ValueError if the body has no isolated state, or no reach has
+    # an error within `TOLERANCE`.
     lengths = tuple(map(float, period))
+    boundary = boundary or Boundary((True,) * len(lengths))
     if isinstance(body, Layers):  # which never change
-        return _kept(body, lengths, datum)
-    return _isolated(body, lengths, datum)
+        return _kept(body, lengths, boundary)
+    return _isolated(body, lengths, boundary)
 
 
-def _isolated(body: Body, period: tuple[float, ...], datum: float | None) -> IsolatedBody:
-    refuse(body, period, datum)
+def _isolated(body: Body, period: tuple[float, ...], boundary: Boundary) -> IsolatedBody:
+    refuse(body, period, boundary)
     fits = []
     for reach in REACHES:
-        fits.append(_fit(body, period, datum, reach))
+        fits.append(_fit(body, period, boundary, reach))
         if fits[-1].error <= TOLERANCE:
             return fits[-1]
     raise ValueError(
         f"the response of the body within {REACHES[-1]:g} periods has an error of {fits[-1].error:.1e} "
-        f"without images; must be at most {TOLERANCE:g}{_instead(body, period, datum, REACHES[0])}"
+        f"without images; must be at most {TOLERANCE:g}{_instead(body, period, boundary, REACHES[0])}"
     )
 
 
@@ -151,32 +160,37 @@ _kept = lru_cache(maxsize=8)(_isolated)
 
 def period_for(body: IsolatedBody, width: float) -> str:
     """Return words on the period for a contact of a width, in periods of the cell; empty if none is found."""
-    return _instead(body.body, body.period, body.datum, width)
+    return _instead(body.body, body.period, body.boundary, width)
 
 
-def _instead(body: Body, period: tuple[float, ...], datum: float | None, width: float) -> str:
+def _instead(body: Body, period: tuple[float, ...], boundary: Boundary, width: float) -> str:
     for factor in _PERIODS:
-        size = width * factor
-        if size <= 1:
+        if width * factor <= 1:
             continue
-        larger, further = tuple(each * size for each in period), None if datum is None else datum * size
+        larger, further = boundary.widened(period, width * factor)
         for reach in REACHES:
             if reach * factor >= 1 and _fit(body, larger, further, reach).error <= TOLERANCE:
-                words = ", ".join(f"{each:.3g}" for each in dict.fromkeys(larger))
-                return f"; a period of {words} would do"
+                return would_do(larger, boundary)
     return ""
 
 
-def refuse(body: Body, period: tuple[float, ...], datum: float | None) -> None:
+def would_do(period: tuple[float, ...], boundary: Boundary) -> str:
+    """Return words on a period that a contact needs."""
+    along = "" if all(boundary.isolated) else f" along {'xy'[boundary.axes[0]]}"
+    lengths = ", ".join(f"{length:.3g}" for length in dict.fromkeys(period[axis] for axis in boundary.axes))
+    return f"; a period{along} of {lengths} would do"
+
+
+def refuse(body: Body, period: tuple[float, ...], boundary: Boundary) -> None:
     """Raise ValueError for a body without an isolated state, or one that depends on the direction."""
     q = np.array([_LONGEST, 100 * _LONGEST]) / max(period)
     long = 1 / body.stiffness(q, 0.0)
     if not np.isfinite(long).all() or long[0] * q[0] > 10 * long[1] * q[1]:
         raise ValueError("nothing carries the load of an isolated contact; must be a body on a base")
-    if len(period) == 1 and datum is None and long[0] > 10 * long[1]:
+    if len(boundary.axes) == 1 and boundary.datum is None and long[0] > 10 * long[1]:
         raise ValueError(
             "a line on a halfspace has no depth of its own; must have a datum, the distance at which the "
-            f"surface counts as at rest: grid.datum, at least the period, {period[0]:g}"
+            f"surface counts as at rest: grid.datum, at least the period, {period[boundary.axes[0]]:g}"
         )
     if len(period) == 2:
         waves = 2 * math.pi / min(period) * np.array([[1, 0], [0, 1], [0.6, 0.8], [0.8, -0.6]]).T
@@ -223,65 +237,123 @@ class LowPass:
 
 
 class _CellNodes(NamedTuple):
-    """Of the response: points within reach, and its transforms there."""
+    """Of waves that are fitted together: points within reach, and their transforms there."""
 
-    q: FloatArray  # (nq,), of the integral over all waves
+    share: int  # waves of the cell that each of them stands for
+    q: FloatArray  # (nq,), magnitudes of the integral over all waves
     integral: FloatArray  # (points, nq)
     waves: FloatArray  # (nw,), magnitudes q > 0 of the cell's waves
     cosines: FloatArray  # (points, nw), weights of their compliances
     low: FloatArray  # (nl,), magnitudes of the lowest waves, that of the mean first
     lowest: FloatArray  # (points, nl), weights of their compliances
-    number: IntArray  # place of a lowest wave by (|nx|, |ny|); -1 where there is none
 
 
-def _nodes(period: tuple[float, ...], datum: float | None, reach: float) -> _CellNodes:
+def _in_an_ellipse(period: tuple[float, ...], reach: float) -> tuple[list[_CellNodes], IntArray]:
+    """Return the nodes of a surface that is isolated along both axes, and `IsolatedBody.number`."""
     from scipy.special import j0
 
-    axes, shortest = len(period), min(period)
-    square, lengths = axes == 2 and period[0] == period[1], (*period, shortest)[:2]
+    shortest, square, fewest = min(period), period[0] == period[1], _LOWEST[2]
     passed = LowPass((1 - reach) * shortest)  # the nearest image is so far from a point within reach
     side = reach * np.sin(math.pi / 2 * (np.arange(_POINTS) + 0.5) / _POINTS)
-    x, y = (np.ravel(each) for each in np.meshgrid(side, side if axes == 2 else 0.0, indexing="ij"))
+    x, y = (np.ravel(each) for each in np.meshgrid(side, side, indexing="ij"))
     some = (np.hypot(x, y) <= reach) & ((x >= y) | (not square))
-    x, y = x[some] * lengths[0], y[some] * lengths[1]
+    x, y = x[some] * period[0], y[some] * period[1]
 
-    q, weights = passed.rule(shortest, reach * max(period), datum)
-    if axes == 2:
-        integral = j0(np.outer(np.hypot(x, y), q)) * (weights * passed(q) * q / (2 * math.pi))
-    else:
-        integral = np.cos(np.outer(x, q)) * (weights * passed(q) / math.pi)
-        if datum is not None:
-            integral -= np.cos(datum * q) * (weights * passed(q * datum / passed.distance) / math.pi)
+    q, weights = passed.rule(shortest, reach * max(period))
+    integral = j0(np.outer(np.hypot(x, y), q)) * (weights * passed(q) * q / (2 * math.pi))
 
-    most = [max(int(passed.last * each / (2 * math.pi)), _LOWEST[axes]) for each in period] + [0] * (2 - axes)
+    most = [max(int(passed.last * each / (2 * math.pi)), fewest) for each in period]
     nx, ny = (np.ravel(n) for n in np.meshgrid(*(np.arange(n + 1) for n in most), indexing="ij"))
-    qx, qy = 2 * math.pi * nx / lengths[0], 2 * math.pi * ny / lengths[1]
+    qx, qy = 2 * math.pi * nx / period[0], 2 * math.pi * ny / period[1]
     waves, alike = np.hypot(qx, qy), np.where(nx > 0, 2, 1) * np.where(ny > 0, 2, 1)
     cosines = np.cos(np.outer(x, qx)) * np.cos(np.outer(y, qy)) * (alike / math.prod(period))
-    low = nx**2 + ny**2 <= _LOWEST[axes] ** 2
+    low = nx**2 + ny**2 <= fewest**2
     kinds = np.stack((np.maximum(nx, ny), np.minimum(nx, ny)) if square else (nx, ny), axis=1)[low]
     different, first, of = np.unique(kinds, axis=0, return_index=True, return_inverse=True)
     lowest = np.zeros((len(different), x.size))
     np.add.at(lowest, of.ravel(), cosines[:, low].T)
-    number = np.full((_LOWEST[axes] + 1,) * 2, -1, dtype=np.intp)
+    number = np.full((fewest + 1,) * 2, -1, dtype=np.intp)
     number[nx[low], ny[low]] = of.ravel()
     felt = (waves > 0) & ((waves <= passed.last) | low)
     others = cosines * (passed(waves) - low)
-    return _CellNodes(q, integral, waves[felt], others[:, felt], waves[low][first], lowest.T, number)
+    nodes = _CellNodes(1, q, integral, waves[felt], others[:, felt], waves[low][first], lowest.T)
+    return [nodes], number
 
 
-def _fit(body: Body, period: tuple[float, ...], datum: float | None, reach: float) -> IsolatedBody:
+def _along_an_axis(
+    period: tuple[float, ...], boundary: Boundary, reach: float
+) -> tuple[list[_CellNodes], IntArray]:
+    """Return the nodes of a line, or of each wavenumber along the other axis, and `IsolatedBody.number`."""
+    (axis,), datum, fewest = boundary.axes, boundary.datum, _LOWEST[1]
+    length, across = period[axis], [each for i, each in enumerate(period) if i != axis]
+    passed = LowPass((1 - reach) * length)
+    x = length * reach * np.sin(math.pi / 2 * (np.arange(_POINTS) + 0.5) / _POINTS)
+    q, weights = passed.rule(length, reach * length, datum)
+    n = np.arange(max(int(passed.last * length / (2 * math.pi)), fewest) + 1)
+    low, qx, alike = n <= fewest, 2 * math.pi * n / length, np.where(n > 0, 2, 1)
+    waves_along, cosines_along = np.cos(np.outer(x, q)), np.cos(np.outer(x, qx)) * (alike / length)
+    rows = []
+    for m in range(1 + int(passed.last * across[0] / (2 * math.pi)) if across else 1):
+        qm = 2 * math.pi * m / across[0] if m else 0.0
+        every, waves = np.hypot(q, qm), np.hypot(qx, qm)
+        integral = waves_along * (weights * passed(every) / math.pi)
+        if datum is not None and not m:
+            integral -= np.cos(datum * q) * (weights * passed(q * datum / passed.distance) / math.pi)
+        felt = (waves > 0) & ((waves <= passed.last) | low)
+        others = (cosines_along * (passed(waves) - low))[:, felt]
+        share, lowest = 2 if m else 1, cosines_along[:, low]
+        rows.append(_CellNodes(share, every, integral, waves[felt], others, waves[low], lowest))
+    number = np.arange(len(rows) * (fewest + 1), dtype=np.intp).reshape(len(rows), fewest + 1)
+    return rows, number if axis == 1 else number.T
+
+
+def _fit(body: Body, period: tuple[float, ...], boundary: Boundary, reach: float) -> IsolatedBody:
     """Return the body of the least error within reach."""
+    if len(boundary.axes) == 2:
+        every, number = _in_an_ellipse(period, reach)
+    else:
+        every, number = _along_an_axis(period, boundary, reach)
+    low = np.concatenate([nodes.low for nodes in every])
+    s, times = _times(body, low[low > 0], min(period[axis] for axis in boundary.axes))
+    smooth = [nodes.integral @ _compliance(body, nodes.q, s) for nodes in every]
+    size = np.abs(sum(nodes.share * each for nodes, each in zip(every, smooth, strict=True))).max(axis=0)
+    course = np.vstack((np.ones(s.size), 1 / (1 + np.outer(times, s)))) / size
+    fits, kept, error, count = [], [], 0.0, 0
+    for nodes, whole in zip(every, smooth, strict=True):
+        target = (whole - nodes.cosines @ _compliance(body, nodes.waves, s)) / size
+        if nodes.low.min() > 0:
+            images = target - nodes.lowest @ _compliance(body, nodes.low, s) / size
+            if np.abs(images).max() <= _NO_IMAGES:
+                kept.append(np.full(nodes.low.size, -1))
+                continue
+        creep, missed = _creep(body, nodes, s[-1], target, course)
+        fits.append(creep)
+        kept.append(count + np.arange(nodes.low.size))
+        error, count = error + nodes.share * missed, count + nodes.low.size
+    modes = [relaxation(c[0], c[1:][c[1:] > 0], times[c[1:] > 0]) for creep in fits for c in creep]
+    most = max(own.size for own, _ in modes)
+    weights, taus = np.zeros((most, len(modes))), np.ones((most, len(modes)))
+    for i, (own, tau) in enumerate(modes):
+        weights[: own.size, i], taus[: own.size, i] = own, tau
+    changed = Spectrum(1 / np.concatenate(fits).sum(axis=1), weights, taus)
+    places = np.where(number >= 0, np.concatenate(kept)[number], -1)
+    return IsolatedBody(body, period, boundary, reach, error, changed, places)
+
+
+def _compliance(body: Body, q: FloatArray, s: FloatArray) -> FloatArray:
+    """Return C(q, s) of a body, (nq, ns)."""
+    return np.stack([1 / body.stiffness(q, each) for each in s], axis=1)
+
+
+def _creep(
+    body: Body, nodes: _CellNodes, sudden: float, target: FloatArray, course: FloatArray
+) -> tuple[FloatArray, float]:
+    """Return c_0 and c_k of the lowest waves, (nl, 1 + k), and their error within reach."""
     from scipy.optimize import nnls
 
-    nodes = _nodes(period, datum, reach)
-    s, times = _times(body, nodes.low[1:], min(period))
-    smooth = nodes.integral @ np.stack([1 / body.stiffness(nodes.q, each) for each in s], axis=1)
-    others = nodes.cosines @ np.stack([1 / body.stiffness(nodes.waves, each) for each in s], axis=1)
-    size = np.abs(smooth).max(axis=0)
-    least = _STIFFEST / body.stiffness(np.where(nodes.low > 0, nodes.low, nodes.low[1]), s[-1])
-    target = (smooth - others - (nodes.lowest @ least)[:, np.newaxis]) / size
-    course = np.vstack((np.ones(s.size), 1 / (1 + np.outer(times, s)))) / size
+    # The longest wave may have much less than the body's own compliance, which that of a mean is without end.
+    least = _STIFFEST / body.stiffness(np.append(nodes.low[1], nodes.low[1:]), sudden)
+    target = target - np.outer(nodes.lowest @ least, course[0])
     # The unknowns are the product of waves and times: both factors are compressed to what they are worth.
     of_points, of_waves = _compressed(nodes.lowest)
     of_s, of_times = _compressed(course.T)
@@ -291,13 +363,7 @@ def _fit(body: Body, period: tuple[float, ...], datum: float | None, reach: floa
     creep = (product / length).reshape(least.size, -1)
     error = float(np.abs(nodes.lowest @ creep @ course - target).max())
     creep[:, 0] += least
-    modes = [relaxation(c[0], c[1:][c[1:] > 0], times[c[1:] > 0]) for c in creep]
-    most = max(own.size for own, _ in modes)
-    weights, taus = np.zeros((most, len(creep))), np.ones((most, len(creep)))
-    for i, (own, tau) in enumerate(modes):
-        weights[: own.size, i], taus[: own.size, i] = own, tau
-    low = Spectrum(1 / creep.sum(axis=1), weights, taus)
-    return IsolatedBody(body, period, datum, reach, error, low, nodes.number)
+    return creep, error
 
 
 def _times(body: Body, low: FloatArray, period: float) -> tuple[FloatArray, FloatArray]:

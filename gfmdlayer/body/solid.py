@@ -34,6 +34,24 @@ WIDEST, HALF = 0.42, 0.5
 Relaxation = tuple[float, tuple[tuple[float, float], ...]]  # relaxed modulus, and (G_k, tau_k) of branches
 
 
+class Boundary(NamedTuple):
+    """The axes along which a cell has no periodic images, and the origin of the depth."""
+
+    isolated: tuple[bool, ...]  # of each axis, at least one
+    datum: float | None = None  # of one axis: distance from a load at which the surface counts as at rest
+
+    @property
+    def axes(self) -> tuple[int, ...]:
+        """The isolated axes."""
+        return tuple(axis for axis, alone in enumerate(self.isolated) if alone)
+
+    def widened(self, period: tuple[float, ...], factor: float) -> tuple[tuple[float, ...], Boundary]:
+        """Return the periods and the boundary of a cell that is wider by a factor where it is isolated."""
+        every = zip(period, self.isolated, strict=True)
+        longer = tuple(length * factor if alone else length for length, alone in every)
+        return longer, self._replace(datum=None if self.datum is None else self.datum * factor)
+
+
 class Solid(Kind):
     """Base class of bodies: its fields are the keys under `body`.
 

@@ -17,7 +17,7 @@ import numpy as np
 from gfmdlayer.arrays import FloatArray
 from gfmdlayer.body.body import Body
 from gfmdlayer.body.isolated import IsolatedBody, isolated
-from gfmdlayer.body.solid import HALF, WIDEST
+from gfmdlayer.body.solid import HALF, WIDEST, Boundary
 from gfmdlayer.case.parts import Parts
 from gfmdlayer.config import Config
 from gfmdlayer.contact.loading import Loading
@@ -69,7 +69,7 @@ def _wider(parts: Parts) -> WiderCell | None:
     if any(parts.drives.reduced_times):  # a temperature has other times
         rates = math.inf, 0.0
     return wider_cell(
-        parts.body, grid, parts.punch, most, config.grid.datum,
+        parts.body, grid, parts.punch, most, config.grid.without_images,
         rates=rates, by_depth=config.trajectory.control == "depth", friction=bool(config.friction),
         larger=bool(config.friction and config.interfaces),
     )  # fmt: skip
@@ -80,7 +80,7 @@ def wider_cell(
     grid: Grid,
     heights: FloatArray,
     most: float,
-    datum: float | None,
+    boundary: Boundary,
     *,
     rates: tuple[float, ...],
     by_depth: bool,
@@ -105,24 +105,26 @@ def wider_cell(
     for factor in (_FRICTIONAL if friction else _FACTORS)[larger:]:
         if factor * (HALF if friction else WIDEST) < width:
             continue
-        whole = _larger(grid, factor)
+        whole = _larger(grid, factor, boundary)
         if friction and factor == _FRICTIONAL[-1]:
             return around(whole)
         try:
-            alone = isolated(body, whole.period, datum)
+            alone = isolated(body, whole.period, boundary)
         except ValueError:  # its response needs a larger cell
             continue
-        reach = partial(Reach, body=None if friction else alone)
+        reach = partial(Reach, boundary=boundary, body=None if friction else alone)
         width = _estimate(alone, reach, around(whole), heights, given, rates, by_depth=by_depth)
-        most_wide = HALF - _EDGE / min(*grid.points, _COARSE) if friction else alone.reach
+        fewest = min(_COARSE, *(grid.points[axis] for axis in boundary.axes))
+        most_wide = HALF - _EDGE / fewest if friction else alone.reach
         if width <= factor * most_wide:
             return None if factor == 1 else around(whole)
     return None
 
 
-def _larger(grid: Grid, factor: float) -> Grid:
+def _larger(grid: Grid, factor: float, boundary: Boundary) -> Grid:
     """Return a grid of the same spacing with so many times the points, or some more that transform well."""
-    points = tuple(_next(n, factor) for n in grid.points)
+    every_axis = zip(grid.points, boundary.isolated, strict=True)
+    points = tuple(_next(n, factor) if alone else n for n, alone in every_axis)
     every = zip(points, grid.points, grid.period, strict=True)
     return Grid(points, tuple(period * (many / n) for many, n, period in every))
 
@@ -158,7 +160,7 @@ def _estimate(
     by_depth: bool,
 ) -> float:
     """Return the width of the contact at a depth or a force, in periods of the wider."""
-    ratio = wider.whole.period[0] / wider.period[0]
+    ratio = wider.factor
     touching = replace(wider, above=0.0).extended(np.where(heights > 0, 0.0, 1.0))
     width = reach(wider.whole).width(touching)
     if most <= 0:

@@ -80,9 +80,12 @@ def _problems_without_images(config: Any) -> Iterator[Mistake]:
     yield from _problems_of_the_control(config.trajectory.control, _BOUNDARY)
     track = "not available with grid.boundary: isolated; must be a constant velocity"
     cell = "describes a cell, which an isolated contact does not have; remove it"
+    flow, seals = cell, not all(config.grid.without_images.isolated)
+    if seals:
+        flow = "needs the gap out of the contact, where it is not known; must be periodic along both axes"
     unused: Sequence[tuple[Any, Location, Sequence[str], str, Reason]] = (
         (config.trajectory, ("trajectory",), ("velocity_file",), track, "open"),
-        (config.output, ("output",), ("observables", "leakage"), cell, "physics"),
+        (config.output, ("output",), ("observables", "leakage"), flow, "open" if seals else "physics"),
         (config.output.histograms, ("output", "histograms"), ("pressure", "gap"), cell, "physics"),
     )
     for section, at, keys, message, because in unused:
@@ -96,7 +99,8 @@ def _problems_without_images(config: Any) -> Iterator[Mistake]:
             )
             at = ("output", "conductance", side, "resistivity")
             yield Mistake(at, message, _BOUNDARY, because="physics")
-    if config.trajectory.moves and config.time.step == "adaptive" and not config.time.at_once:
+    steps = config.time.step == "adaptive" and not config.time.at_once
+    if config.trajectory.moves and config.grid.ends_along_x and steps:
         spacing = config.grid.period[0] / config.grid.points[0]
         message = f"got adaptive; {WHOLE_SPACINGS}, {spacing:.6g}: give time.step"
         yield Mistake(("time", "step"), message, ("trajectory.velocity", *_BOUNDARY))
@@ -107,11 +111,14 @@ def _problems_without_images(config: Any) -> Iterator[Mistake]:
 
 def _problems_of_the_datum(config: Any) -> Iterator[Mistake]:
     """Require the distance from which the depth of a line on a halfspace is counted, and refuse others."""
-    datum, period = config.grid.datum, config.grid.period[0]
+    axes = config.grid.without_images.axes
+    datum, period = config.grid.datum, config.grid.period[axes[0]]
     others = (*_BOUNDARY, "grid.points", "halfspace", "layers", "layer")
-    if len(config.grid.points) == 2 or math.isfinite(config.solid.rigid_below):
+    if len(axes) == 2 or math.isfinite(config.solid.rigid_below):
         if datum is not None:
-            message = "only for a line on a halfspace; here the depth has an origin already; remove it"
+            message = (
+                "only for one isolated axis on a halfspace; here the depth has an origin already; remove it"
+            )
             yield Mistake(("grid", "datum"), message, others)
     elif datum is None:
         message = (
@@ -152,6 +159,7 @@ def _problems_of_revolution(config: Any) -> Iterator[Mistake]:
             value = getattr(section, key, None)
             if value is not None and value != getattr(default, key):
                 used = "available" if key in _NOT_YET else "used"
+                value = value[0] if isinstance(value, tuple) and len(value) == 1 else value
                 message = f"got {shown(plain(value))}, not {used} with {_REVOLUTION}; remove it"
                 because: Reason = "open" if key in _NOT_YET else "physics"
                 yield Mistake((name, key), message, _GEOMETRY, because=because)

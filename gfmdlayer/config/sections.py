@@ -27,7 +27,7 @@ from pydantic_core import CoreSchema
 
 from gfmdlayer.body.layers import Layers, thicknesses
 from gfmdlayer.body.pair import downwards, stacks
-from gfmdlayer.body.solid import LayerDepth, between_faces, beyond, places
+from gfmdlayer.body.solid import Boundary, LayerDepth, between_faces, beyond, places
 from gfmdlayer.config.geometries import GEOMETRIES
 from gfmdlayer.config.sweeps import Spaced
 from gfmdlayer.contact.solvers import AUTO, SOLVERS
@@ -58,6 +58,7 @@ Points = Annotated[
     int, Field(strict=True, ge=8, lt=MANY), MustBe("a whole number >= 8 and < 2^31, or two of them, [nx, ny]")
 ]
 Length = Annotated[float, strict, Field(gt=0), MustBe("a number > 0, finite, or two of them, [Lx, Ly]")]
+_Side = Annotated[str, Word("periodic", "isolated", more=", or two of these words, [along x, along y]")]
 Tolerance = Annotated[float, strict, Field(ge=1e-13, lt=1), MustBe("a number >= 1e-13 and < 1")]
 Step = Annotated[
     Annotated[float, strict, Field(gt=0)] | Literal["adaptive"],
@@ -81,34 +82,53 @@ class GridKeys(Section):
     """number of points, or [nx, ny]; axisymmetric: points of the profiles"""
     period: Annotated[tuple[Length, ...], BeforeValidator(sequence), Field(validate_default=True)] = (1.0,)
     """period L of the cell, or [Lx, Ly]: length"""
-    boundary: Annotated[Annotated[str, Word("periodic", "isolated")] | None, given] = None
-    """periodic (default), or isolated: one contact without periodic images"""
+    boundary: Annotated[Annotated[tuple[_Side, ...], BeforeValidator(sequence)] | None, given] = None
+    """periodic (default), or isolated: without periodic images; or two words, [along x, along y]"""
     datum: Optional = None
-    """isolated line: distance at which the surface counts as at rest: length"""
+    """one isolated axis: distance at which the surface counts as at rest: length"""
     extent: Optional = None
     """axisymmetric: profiles are written up to this radius: length"""
 
-    @field_validator("points", "period")
+    @field_validator("points", "period", "boundary")
     @classmethod
-    def _one_or_two(cls, values: tuple[float, ...]) -> tuple[float, ...]:
-        if len(values) not in {1, 2}:
+    def _one_or_two(cls, values: tuple[Any, ...]) -> tuple[Any, ...]:
+        if values is not None and len(values) not in {1, 2}:
             raise ValueError(f"got {len(values)} values; must be one, or two for a surface in two directions")
         return values
+
+    @field_validator("boundary")
+    @classmethod
+    def _one_word_for_both(cls, words: tuple[str, ...]) -> tuple[str, ...]:
+        return words[:1] if words and len(set(words)) == 1 else words
 
     @field_validator("period")
     @classmethod
     def _for_each_direction(cls, period: tuple[float, ...], info: ValidationInfo) -> tuple[float, ...]:
         return period * len(info.data.get("points", period)) if len(period) == 1 else period
 
-    @field_serializer("points", "period")
-    def _number_where_one_will_do(self, values: tuple[float, ...], info: FieldSerializationInfo) -> object:
+    @field_serializer("points", "period", "boundary")
+    def _number_where_one_will_do(self, values: tuple[Any, ...], info: FieldSerializationInfo) -> object:
+        if values is None:
+            return None
         same = len(values) == 1 or (info.field_name == "period" and len(set(values)) == 1)
         return values[0] if same else values
 
     @property
     def isolated(self) -> bool:
-        """Whether the contact in the cell has no periodic images."""
-        return self.boundary == "isolated"
+        """Whether the contact in the cell has no periodic images along an axis."""
+        return "isolated" in (self.boundary or ())
+
+    @property
+    def ends_along_x(self) -> bool:
+        """Whether material that moves along x enters the cell at rest."""
+        return self.isolated and self.without_images.isolated[0]
+
+    @property
+    def without_images(self) -> Boundary:
+        """The isolated axes and the datum."""
+        words = self.boundary or ()
+        every = words * len(self.points) if len(words) == 1 else words
+        return Boundary(tuple(word == "isolated" for word in every), self.datum)
 
     @property
     def cell(self) -> Cell:
@@ -124,6 +144,11 @@ class GridKeys(Section):
                 "direction"
             )
             yield Mistake(("period",), message, ("points",))
+        if self.boundary is not None and len(self.boundary) > len(self.points):
+            message = (
+                f"got {len(self.boundary)} words for one direction of points; must be periodic or isolated"
+            )
+            yield Mistake(("boundary",), message, ("points",))
         if math.prod(self.points) >= MANY:
             total = f"{math.prod(self.points):.3g} points"
             yield Mistake(("points",), f"got {shown(self.points)}, {total}; must be fewer than 2^31 in all")

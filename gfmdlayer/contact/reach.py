@@ -3,7 +3,8 @@
 All that was ever pressed counts, as the surface remembers it. It is kept as its support function: the largest
 distance from the middle of the cell in each of some directions, with lengths over the periods. The sum of two
 opposite ones is a width, and the largest width the distance of the two points that are furthest apart. A
-contact does not go on behind the edge of the cell, which is no neighbour of the opposite one.
+contact does not go on behind the edge of the cell, which is no neighbour of the opposite one. Along a
+periodic axis it does, and has no width.
 """
 
 from __future__ import annotations
@@ -13,8 +14,8 @@ import math
 import numpy as np
 
 from gfmdlayer.arrays import BoolArray, FloatArray
-from gfmdlayer.body.isolated import IsolatedBody, period_for
-from gfmdlayer.body.solid import HALF
+from gfmdlayer.body.isolated import IsolatedBody, period_for, would_do
+from gfmdlayer.body.solid import HALF, Boundary
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.resumable import Saving
 
@@ -35,12 +36,12 @@ class Reach(Saving):
 
     KEPT = ("support",)
 
-    def __init__(self, grid: Grid, body: IsolatedBody | None) -> None:
-        self._grid, self._body = grid, body
+    def __init__(self, grid: Grid, boundary: Boundary, body: IsolatedBody | None = None) -> None:
+        self._grid, self._boundary, self._body = grid, boundary, body
         self._most = HALF if body is None else body.reach
-        axes = len(grid.period)
-        self._directions = np.hstack((np.eye(axes), -np.eye(axes)))
-        if axes == 2 and body is not None:
+        along = np.eye(len(grid.period))[:, list(boundary.axes)]
+        self._directions = np.hstack((along, -along))
+        if len(boundary.axes) == 2 and body is not None:
             angles = 2 * math.pi * np.arange(_DIRECTIONS) / _DIRECTIONS
             self._directions = np.stack((np.cos(angles), np.sin(angles)))
         self._support = np.full(self._directions.shape[1], -math.inf)
@@ -66,8 +67,7 @@ class Reach(Saving):
         """Return words on the period for a contact of a width."""
         if self._body is not None:
             return period_for(self._body, width)
-        larger = dict.fromkeys(f"{width / HALF * length:.3g}" for length in self._grid.period)
-        return f"; a period of {', '.join(larger)} would do"
+        return would_do(self._boundary.widened(self._grid.period, width / HALF)[0], self._boundary)
 
     def remember(self, pressure: FloatArray, noise: float = 0.0) -> None:
         """Add the pressures of an accepted step."""
@@ -75,7 +75,8 @@ class Reach(Saving):
 
     def at_the_edge(self, points: tuple[int, ...]) -> bool:
         """Whether pressed points lie at the edge of so many points in the middle of the grid."""
-        for directions, n, most in zip(self._directions, points, self._grid.points, strict=True):
+        for axis in self._boundary.axes:
+            directions, n, most = self._directions[axis], points[axis], self._grid.points[axis]
             ends = (n - 2) / (2 * most), n / (2 * most)  # the first point is half of the points away
             along = self._support[directions.argmax()], self._support[directions.argmin()]
             if any(far > end - 0.5 / most for far, end in zip(along, ends, strict=True)):

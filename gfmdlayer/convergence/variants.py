@@ -92,7 +92,7 @@ class Variations:
         }
         if self._gridded:
             self.base["solver.tolerance"] = config.solver.tolerance
-            self.base["grid.boundary"] = config.grid.boundary or "periodic"
+            self.base["grid.boundary"] = _plain(config.grid.boundary or ("periodic",))
         if config.time.tolerance is not None:
             self.base["time.tolerance"] = config.time.tolerance
         if not isinstance(config.time.step, str):
@@ -190,7 +190,10 @@ class Variations:
         return source
 
     def _wider(self, size: float) -> Values:
-        wider = self.points(size)
+        points, every = self.points(size)["grid.points"], _every(self.base["grid.points"])
+        alone = self.config.grid.without_images.isolated
+        each = zip(_every(points), every, alone, strict=True)
+        wider = self.base | {"grid.points": _plain([m if free else n for m, n, free in each])}
         pairs = zip(*(_every(each["grid.points"]) for each in (wider, self.base)), strict=True)
         lengths = _every(self.base["grid.period"])
         period = [L * m / n for L, (m, n) in zip(lengths, pairs, strict=True)]

@@ -7,11 +7,12 @@ The kernels of the surface under point loads at a distance r, with e the unit ve
 
     g_m[c](r) = int c(q) J_m(q r) q dq/(2 pi),
 
-on a line cos(q x)/pi and sin(q x)/pi in place of J_0 q/(2 pi) and J_1 q/(2 pi). A smooth low pass leaves of c
+on a line cos(q x)/pi and sin(q x)/pi in place of J_0 q/(2 pi) and J_1 q/(2 pi). Along one isolated axis of a
+surface they are such integrals at each wavenumber q_m along the other. A smooth low pass leaves of c
 what reaches the nearest image: this part is integrated, and sampled on a cell of the differences of points.
 The rest of c has no images, and is that of the periodic surface. The transform of the sum has the kernels
 exactly at all differences within half of the cell; so it serves every contact in a box of half of the cell,
-as if the surface had no images, at the cost of the periodic one.
+of a periodic axis in all of it, as if the surface had no images, at the cost of the periodic one.
 
 Such spectra are not positive in all waves, and have no relaxing modes. Their memory is that of the tractions,
 
@@ -32,11 +33,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gfmdlayer.arrays import FloatArray
+from gfmdlayer.arrays import FloatArray, IntArray
 from gfmdlayer.body.isolated import TOLERANCE, LowPass, refuse
 from gfmdlayer.body.layers import Layers
 from gfmdlayer.body.pair import Pair
 from gfmdlayer.body.relaxation import SAME_BRANCH, retardation
+from gfmdlayer.body.solid import Boundary
 from gfmdlayer.friction.response import CroppedResponse, Response
 from gfmdlayer.grid.grid import Grid, shared_grid
 
@@ -98,7 +100,7 @@ class IsolatedResponse:
         return CroppedResponse(tuple(map(mixed, self.parts)), Response(*map(mixed, self.plain)))
 
 
-def without_images(body: Any, grid: Grid, datum: float | None = None) -> IsolatedResponse:
+def without_images(body: Any, grid: Grid, boundary: Boundary | None = None) -> IsolatedResponse:
     """Return the response of a body with `traction_spectrum` on a grid, see the module.
 
     Parameters
@@ -107,8 +109,8 @@ def without_images(body: Any, grid: Grid, datum: float | None = None) -> Isolate
         With the method `traction_spectrum`.
     grid : Grid
         Its response is exact for tractions in a box of half of the cell.
-    datum : float, optional
-        Of a line: distance from a load at which the surface counts as at rest, as of `body.isolated`.
+    boundary : Boundary, optional
+        The isolated axes, by default all, and the datum of one, as of `body.isolated`.
 
     Raises
     ------
@@ -116,41 +118,49 @@ def without_images(body: Any, grid: Grid, datum: float | None = None) -> Isolate
         If the body has no isolated state, or its relaxation no creep form.
     """
     if isinstance(body, Pair):
-        return without_images(body.first, grid, datum).beside(without_images(body.second, grid, datum))
+        return without_images(body.first, grid, boundary).beside(without_images(body.second, grid, boundary))
+    boundary = boundary or _all_alone(grid)
     if isinstance(body, Layers):  # which never change
-        return _kept(body, grid.points, grid.period, datum)
-    return _without_images(body, grid, datum)
+        return _kept(body, grid.points, grid.period, boundary)
+    return _without_images(body, grid, boundary)
+
+
+def _all_alone(grid: Grid) -> Boundary:
+    return Boundary((True,) * len(grid.points))
 
 
 @lru_cache(maxsize=4)
 def _kept(
-    body: Layers, points: tuple[int, ...], period: tuple[float, ...], datum: float | None
+    body: Layers, points: tuple[int, ...], period: tuple[float, ...], boundary: Boundary
 ) -> IsolatedResponse:
-    return _without_images(body, shared_grid(points, period), datum)
+    return _without_images(body, shared_grid(points, period), boundary)
 
 
-def check_isolated(body: Any, grid: Grid, datum: float | None = None) -> None:
+def check_isolated(body: Any, grid: Grid, boundary: Boundary | None = None) -> None:
     """Raise the errors of `without_images`."""
     for each in (body.first, body.second) if isinstance(body, Pair) else (body,):
-        _form(each, grid, datum)
+        _form(each, grid, boundary or _all_alone(grid))
 
 
-def _form(body: Any, grid: Grid, datum: float | None) -> CreepForm:
+def _form(body: Any, grid: Grid, boundary: Boundary) -> CreepForm:
     """Return the creep form of a body on the waves of a grid."""
-    refuse(body, grid.period, datum)
+    refuse(body, grid.period, boundary)
     return CreepForm.of(body, np.pi / max(grid.period), float(grid.wavenumbers.max()))
 
 
-def _without_images(body: Any, grid: Grid, datum: float | None) -> IsolatedResponse:
-    form, q = _form(body, grid, datum), grid.wavenumbers.ravel()
+def _without_images(body: Any, grid: Grid, boundary: Boundary) -> IsolatedResponse:
+    form, q = _form(body, grid, boundary), grid.wavenumbers.ravel()
     count, shape = form.times.size + 1, grid.spectral_shape
     coefficients = np.zeros((4, count, q.size))
     coefficients[:, :, 1:] = form.coefficients(q[1:])
     plain = tuple(each.reshape(count, *shape) for each in coefficients)
-    passed = LowPass(min(grid.period) / 2)
+    passed = LowPass(min(grid.period[axis] for axis in boundary.axes) / 2)
     high = coefficients * (1 - passed(q))
     high[:, :, 0] = 0.0  # all of the mean passes
-    low = _low_kernels(form, grid, passed, datum)
+    if len(boundary.axes) == 2:
+        low = _around_a_point(form, grid, passed)
+    else:
+        low = _along_an_axis(form, grid, passed, boundary)
     axes = tuple(range(1, 1 + len(grid.points)))
     area = math.prod(grid.period) / grid.size
     parts: list[FloatArray] = []
@@ -162,55 +172,49 @@ def _without_images(body: Any, grid: Grid, datum: float | None) -> IsolatedRespo
     return IsolatedResponse(form.times, tuple(parts), plain, form.error)
 
 
-def _low_kernels(
-    form: CreepForm, grid: Grid, passed: LowPass, datum: float | None
-) -> Iterator[tuple[FloatArray, bool]]:
-    """Yield the kernels of the waves that pass, at the differences of points, and which spectra are odd."""
-    from scipy.special import jv
-
-    numbers = [np.fft.fftfreq(n, 1 / n).round().astype(int) for n in grid.points]
-    steps = [length / n for n, length in zip(grid.points, grid.period, strict=True)]
-    largest = 0.5 * math.hypot(*grid.period)
-    q, weights = passed.rule(min(grid.period), largest, datum)
-    WW, WU, UU, VV = form.coefficients(q) * (weights * passed(q))
-    is_line = len(grid.points) == 1
+def _chebyshev(passed: LowPass, largest: float) -> tuple[FloatArray, Any]:
+    """Return distances up to the largest, and what brings a function that is sampled there to others."""
     # The kernels end at the wavenumber `passed.last`: in r they are a short Chebyshev series.
     terms = math.ceil(passed.last * largest / 2) + _SMOOTH_KERNEL
     nodes = np.cos(math.pi * (np.arange(terms) + 0.5) / terms)
-    waves = np.outer(0.5 * largest * (1 + nodes), q)
-    if is_line:
-        cosines = np.cos(waves) / math.pi
-        sampled = [cosines @ WW.T, np.sin(waves) @ WU.T / math.pi, cosines @ UU.T]
-        if datum is not None:
-            far = form.coefficients(q) * (weights * passed(q * datum / passed.distance))
-            for kind, component in ((0, 0), (2, 2)):
-                sampled[kind] -= far[component] @ np.cos(datum * q) / math.pi
-    else:
-        A, B = 0.5 * (UU + VV), 0.5 * (UU - VV)
-        orders = ((0, WW), (1, WU), (0, A), (2, B))
-        sampled = [jv(m, waves) @ (c * (q / (2 * math.pi))).T for m, c in orders]
     chebyshev = np.polynomial.chebyshev
-    series = np.linalg.solve(chebyshev.chebvander(nodes, terms - 1), np.concatenate(sampled, axis=1))
-    # At the differences of one quadrant; the others are alike.
-    halves = [np.arange(n // 2 + 1) * step for n, step in zip(grid.points, steps, strict=True)]
-    away = np.meshgrid(*halves, indexing="ij")
-    r = np.sqrt(sum(x**2 for x in away))
-    values = chebyshev.chebval(2 * r / largest - 1, series).reshape(len(sampled), -1, *r.shape)
-    at = np.ix_(*(np.abs(number) for number in numbers))
+    inverse = np.linalg.inv(chebyshev.chebvander(nodes, terms - 1))
+
+    def at(r: FloatArray, sampled: FloatArray) -> FloatArray:
+        return np.asarray(chebyshev.chebval(2 * r / largest - 1, inverse @ sampled))
+
+    return 0.5 * largest * (1 + nodes), at
+
+
+def _signs(n: int) -> tuple[IntArray, FloatArray]:
+    """Return the distances of n points from the first, in spacings, and their signs."""
     # Of odd kernels, the value at half of the cell is the mean of the two that it could have.
-    signs = [
-        np.sign(number) * (2 * np.abs(number) != n) for number, n in zip(numbers, grid.points, strict=True)
-    ]
-    if is_line:
-        W, odd, U = (value[:, at[0]] for value in values)
-        yield from ((W, False), (-signs[0] * odd, True), (U, False))
-        return
-    W, odd, mean, turning = values
-    ex, ey = (np.asarray(x / np.where(r > 0, r, 1.0)) for x in away)
-    sx, sy = signs[0][:, np.newaxis], signs[1]
+    number = np.fft.fftfreq(n, 1 / n).round().astype(int)
+    return np.abs(number), np.sign(number) * (2 * np.abs(number) != n)
+
+
+def _around_a_point(form: CreepForm, grid: Grid, passed: LowPass) -> Iterator[tuple[FloatArray, bool]]:
+    """Yield the kernels of the waves that pass, at the differences of points, and which spectra are odd."""
+    from scipy.special import jv
+
+    largest = 0.5 * math.hypot(*grid.period)
+    q, weights = passed.rule(min(grid.period), largest)
+    WW, WU, UU, VV = form.coefficients(q) * (weights * passed(q))
+    r, at_distances = _chebyshev(passed, largest)
+    waves = np.outer(r, q)
+    orders = ((0, WW), (1, WU), (0, 0.5 * (UU + VV)), (2, 0.5 * (UU - VV)))
+    sampled = [jv(m, waves) @ (c * (q / (2 * math.pi))).T for m, c in orders]
+    # At the differences of one quadrant; the others are alike.
+    every = zip(grid.points, grid.period, strict=True)
+    away = np.meshgrid(*(np.arange(n // 2 + 1) * (length / n) for n, length in every), indexing="ij")
+    r = np.hypot(*away)
+    values = at_distances(r, np.concatenate(sampled, axis=1))
+    W, odd, mean, turning = values.reshape(len(sampled), -1, *r.shape)
+    (x, sign_x), (y, sy) = map(_signs, grid.points)
+    sx, (ex, ey) = sign_x[:, np.newaxis], (np.asarray(x / np.where(r > 0, r, 1.0)) for x in away)
 
     def everywhere(quadrant: FloatArray) -> FloatArray:
-        return np.asarray(quadrant[:, at[0], at[1]])
+        return np.asarray(quadrant[:, x[:, np.newaxis], y])
 
     yield everywhere(W), False
     yield -sx * everywhere(ex * odd), True
@@ -218,6 +222,57 @@ def _low_kernels(
     yield everywhere(mean - (ex**2 - ey**2) * turning), False
     yield -sx * sy * everywhere(2 * ex * ey * turning), False
     yield everywhere(mean + (ex**2 - ey**2) * turning), False
+
+
+def _along_an_axis(
+    form: CreepForm, grid: Grid, passed: LowPass, boundary: Boundary
+) -> Iterator[tuple[FloatArray, bool]]:
+    """Yield those of a line, or of a surface with one isolated axis."""
+    (axis,), datum = boundary.axes, boundary.datum
+    (length, n), across = (grid.period[axis], grid.points[axis]), 1 - axis
+    is_line = len(grid.points) == 1
+    most = 0 if is_line else int(passed.last * grid.period[across] / (2 * math.pi))
+    qm = 2 * math.pi * np.arange(most + 1) / (1.0 if is_line else grid.period[across])
+    q, weights = passed.rule(length, length / 2, datum)
+    magnitude = np.hypot(q, qm[:, np.newaxis])
+    along, beside = q / magnitude, qm[:, np.newaxis] / magnitude  # of the unit vector of each wave
+    x, at_distances = _chebyshev(passed, length / 2)
+    distances, sign = _signs(n)
+
+    def kernels(components: FloatArray, waves: FloatArray) -> FloatArray:
+        """Integrate along the axis, (1 + k, rows, points)."""
+        sampled = np.tensordot(waves, components, (1, 2)) / math.pi
+        flat = at_distances(np.arange(n // 2 + 1) * (length / n), sampled.reshape(len(x), -1))
+        return np.asarray(flat.reshape(*sampled.shape[1:], -1)[..., distances])
+
+    c = form.coefficients(magnitude.ravel()).reshape(4, -1, *magnitude.shape)
+    WW, WU, UU, VV = c * (weights * passed(magnitude))
+    cosines, sines = np.cos(np.outer(x, q)), np.sin(np.outer(x, q))
+    even = [WW, UU * along**2 + VV * beside**2, UU * beside**2 + VV * along**2]
+    W, own, other = (kernels(each, cosines) for each in even)
+    if datum is not None:  # of the mean along the other axis
+        far = form.coefficients(q) * (weights * passed(q * datum / passed.distance))
+        at_datum = far[[0, 2, 3]] @ np.cos(datum * q) / math.pi
+        for kernel, rest in zip((W, own, other), at_datum, strict=True):
+            kernel[:, 0] -= rest[:, np.newaxis]
+    odd = -sign * kernels(WU * along, sines)
+    if is_line:
+        yield from ((W[:, 0], False), (odd[:, 0], True), (own[:, 0], False))
+        return
+    beyond, mixed = kernels(WU * beside, cosines), -sign * kernels((UU - VV) * along * beside, sines)
+    number = np.outer(np.arange(most + 1), np.arange(grid.points[across]) / grid.points[across])
+    share = np.where(qm > 0, 2, 1)[:, np.newaxis] / grid.period[across]
+    cosines, sines = share * np.cos(2 * math.pi * number), share * np.sin(2 * math.pi * number)
+
+    def summed(rows: FloatArray, waves: FloatArray) -> FloatArray:
+        """Sum along the other axis, (1 + k, *points)."""
+        found = np.tensordot(rows, waves, (1, 0))
+        return found if axis == 0 else found.transpose(0, 2, 1)
+
+    yield summed(W, cosines), False
+    yield from ((each, True) for each in (summed(odd, cosines), -summed(beyond, sines))[:: 1 - 2 * axis])
+    one, two = (summed(each, cosines) for each in (own, other)[:: 1 - 2 * axis])
+    yield from ((one, False), (summed(mixed, sines), False), (two, False))
 
 
 class CreepForm:

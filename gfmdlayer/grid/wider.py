@@ -34,9 +34,14 @@ class WiderCell:
         return np.ascontiguousarray(field[self._inside])
 
     @property
+    def factor(self) -> float:
+        """Length of the larger cell over that of the window, where it is longer."""
+        return max(long / length for long, length in zip(self.whole.period, self.period, strict=True))
+
+    @property
     def account(self) -> str:
         """Say what the larger cell costs."""
-        points, periods = " x ".join(map(str, self.whole.points)), self.whole.period[0] / self.period[0]
+        points, periods = " x ".join(map(str, self.whole.points)), self.factor
         wide = "" if math.isnan(self.width) else f", for a contact some {self.width:.2g} periods wide"
         times = self.whole.size / math.prod(self.points)
         return f"a cell of {periods:.3g} periods inside{wide}: {points} points, {times:.3g} times as many"

@@ -19,7 +19,7 @@ from gfmdlayer.body.isolated import IsolatedBody
 from gfmdlayer.body.isolated import isolated as without_images
 from gfmdlayer.body.materials import Elastic, Law
 from gfmdlayer.body.pair import Pair
-from gfmdlayer.body.solid import Solid
+from gfmdlayer.body.solid import Boundary, Solid
 from gfmdlayer.case.checks import too_deep, weak
 from gfmdlayer.case.model import ConvergenceError
 from gfmdlayer.case.normal import NormalContact
@@ -80,7 +80,7 @@ def solve(
     points: int | tuple[int, ...] | None = None,
     interface: Interface | Mapping[str, Any] | Sequence[Any] | Interaction = HARD_WALL,
     instantaneous: bool = False,
-    isolated: bool = False,
+    isolated: bool | Sequence[bool] = False,
     datum: float | None = None,
     friction: float | Mapping[str, float] | None = None,
     tangential_force: float | Sequence[float] | None = None,
@@ -117,11 +117,12 @@ def solve(
         add. Default: a hard wall.
     instantaneous : bool
         Whether a viscoelastic body is glassy instead of relaxed.
-    isolated : bool
-        Whether the contact has no periodic images. One that is wider than some 0.4 periods, with friction
-        half of a period, is computed in a larger cell, of which the attribute `cell` tells the cost.
+    isolated : bool, or pair of bool
+        Whether the contact has no periodic images; of a surface also a pair, along x and along y. One that is
+        wider than some 0.4 periods, with friction half of a period, is computed in a larger cell, of which
+        the attribute `cell` tells the cost.
     datum : float, optional
-        Of an isolated line on a halfspace, the distance at which the surface counts as at rest.
+        Of one isolated axis on a halfspace, the distance at which the surface counts as at rest.
     friction : float or mapping, optional
         Coefficient of friction, or a mapping with `coefficient` mu, `strength` tau_0 (pressure) or both: the
         shear traction of a point is at most the smaller of mu p and tau_0, with the pressure p of the wall,
@@ -240,16 +241,15 @@ def solve(
     law: Interaction = Drives(config).interface if "interface" in sections else interface  # type: ignore[assignment]
     if frictional:
         _check_friction(frictional, yields=config.hardness is not None)
-    if mean_pressure is not None and isolated:
+    boundary = _boundary(isolated, grid, datum)
+    if mean_pressure is not None and boundary:
         raise ConfigError(["mean_pressure: given with isolated=True; must be depth or force"])
-    if datum is not None and not isolated:
-        raise ConfigError(["datum: only with isolated=True; remove it"])
     name, values = _prescribed(depth, mean_pressure, force, law)
     heights = _heights(config.punch if isinstance(surface.heights, Mapping) else surface.heights, grid)
-    stiffness = math.inf if isolated else body.mean_stiffness
+    stiffness = math.inf if boundary else body.mean_stiffness
     if name == "depth" and (message := too_deep(max(values), float(heights.mean()), stiffness)):
         raise ConfigError([f"depth: {message}"])
-    given = _Asked(config, grid, body, heights, (name, values[0]), law, instantaneous, datum, isolated)
+    given = _Asked(config, grid, body, heights, (name, values[0]), law, instantaneous, boundary)
     found = list(_in_turn(given, name, values, frictional, solver))
     for note in surface.notes:
         warn(note)
@@ -260,6 +260,20 @@ def solve(
     from gfmdlayer.figures.contact_data import with_plot
 
     return with_plot(whole)
+
+
+def _boundary(isolated: bool | Sequence[bool], grid: Grid, datum: float | None) -> Boundary | None:
+    """Return the axes without images, and the datum; None for a periodic cell."""
+    axes = len(grid.points)
+    alone = [isolated] * axes if isinstance(isolated, bool | np.bool_) else list(np.atleast_1d(isolated))
+    if len(alone) != axes or not all(isinstance(each, bool | np.bool_) for each in alone):
+        allowed = "must be True or False" + ", or a pair of them, along x and y" * (axes == 2)
+        raise ConfigError([f"isolated: got {shown(isolated)}; {allowed}"])
+    if any(alone):
+        return Boundary(tuple(map(bool, alone)), datum)
+    if datum is not None:
+        raise ConfigError(["datum: only with isolated=True; remove it"])
+    return None
 
 
 def _in_turn(
@@ -273,7 +287,7 @@ def _in_turn(
         solve_with: Callable[[_Asked], xarray.Dataset] = _without_friction
         if frictional:
             solve_with = partial(with_friction, solver=solver, **frictional)
-        if not given.alone:
+        if given.boundary is None:
             found = solve_with(given)
         else:
             try:
@@ -328,8 +342,7 @@ class _Asked:
     target: tuple[str, float]  # "depth" or "load", and its value
     interface: Interaction
     glassy: bool
-    datum: float | None = None
-    alone: bool = False
+    boundary: Boundary | None = None  # of an isolated contact
     wider: WiderCell | None = None  # which the grid is, if the user sees less
     number: int = 0  # of the load, of several
     more: bool = False  # whether another one follows
@@ -365,7 +378,7 @@ class _Asked:
         area = math.prod(self.grid.period)
         grid = self.grid if self.wider is None else Grid(self.wider.points, self.wider.period)
         seen = {name: self.seen(field) for name, field in fields.items()}
-        found = dataset(grid, seen, totals(scalars, area) if self.alone else scalars, *known)
+        found = dataset(grid, seen, totals(scalars, area) if self.boundary else scalars, *known)
         if self.wider is not None:
             found.attrs["cell"] = self.wider.account
         return found
@@ -381,8 +394,9 @@ def _without_images(
         if isinstance(error, ConfigError):
             raise
         control, target = given.target
+        assert given.boundary is not None
         wider = wider_cell(
-            given.body, given.grid, given.heights, target, given.datum,
+            given.body, given.grid, given.heights, target, given.boundary,
             rates=(math.inf if given.glassy else 0.0,), by_depth=control == "depth", friction=friction,
             larger=True,
         )  # fmt: skip
@@ -394,7 +408,7 @@ def _without_images(
 def _without_friction(given: _Asked) -> xarray.Dataset:
     """Return the contact under a load or at a depth."""
     config, grid, body, law = given.config, given.grid, given.body, given.interface
-    response = without_images(body, grid.period, given.datum) if given.alone else body
+    response = body if given.boundary is None else without_images(body, grid.period, given.boundary)
     control, target = given.target
     loading = Loading(given.heights, Constant(target), law, by_depth=control == "depth")
     spectrum = response.spectrum(grid.waves)
@@ -414,7 +428,7 @@ def _without_friction(given: _Asked) -> xarray.Dataset:
         solver = config.solver
         reason = why_not_converged(problem, solution, solver.method, solver.tolerance)
         raise ConvergenceError(reason, problem, solution)
-    reach = Reach(grid, response) if isinstance(response, IsolatedBody) else None
+    reach = Reach(grid, response.boundary, response) if isinstance(response, IsolatedBody) else None
     if reach is not None:
         noise = config.solver.tolerance * law.strength
         if beyond := reach.refusal(solution.pressure, noise):
@@ -608,7 +622,7 @@ def with_friction(
     response, axes = _response(given, given.body), len(grid.points)
     method = FrictionSolver(grid, Transforms(grid.points), attracts=interface.attracts)
     moved, before, start, gap = _taken_from(previous, given)
-    if given.alone and start is not None:  # the displacements of a result are not known everywhere
+    if given.boundary and start is not None:  # the displacements of a result are not known everywhere
         before = method.displacements(response, start)[1:]
     force, at = None, moved
     if tangential_force is not None:
@@ -633,7 +647,7 @@ def with_friction(
         raise ConfigError([f"isolated: {NOT_POSITIVE}"])
     tolerance, limit = solver.get("tolerance", _TOLERANCE), solver.get("max_iterations", _LIMIT)
     solution = method.solve(problem, start, gap=gap, tolerance=tolerance, limit=limit)
-    reach = Reach(grid, None) if given.alone else None
+    reach = None if given.boundary is None else Reach(grid, given.boundary)
     if reach is not None:
         noise = tolerance * interface.strength
         if beyond := reach.refusal(solution.stress, noise):
@@ -658,8 +672,8 @@ def _response(given: _Asked, body: Any) -> AnyResponse:
         if not hasattr(each, "traction_spectrum"):
             needed = "must be a halfspace or layers, with the method traction_spectrum"
             raise ConfigError([f"body: {type(each).__name__} has no response to shear; {needed}"])
-    if given.alone:
-        creep = kernels_without_images(body, grid, given.datum)
+    if given.boundary:
+        creep = kernels_without_images(body, grid, given.boundary)
         return creep.with_weights(np.full(creep.times.size, 0.0 if glassy else 1.0))
     if isinstance(body, Pair):
         one, two = (_response(given, each) for each in (body.first, body.second))

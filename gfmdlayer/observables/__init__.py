@@ -120,7 +120,8 @@ def columns(config: Config) -> tuple[Column, ...]:
     """Return the columns of a case on a grid, in the order of its rows."""
     every = [column for observable in OBSERVABLES.values() for column in observable.columns(config) or ()]
     if config.grid.isolated:
-        return tuple(of_one_contact(every, line=len(config.grid.points) == 1))
+        whole = all(config.grid.without_images.isolated)
+        return tuple(of_one_contact(every, line=len(config.grid.points) == 1, whole=whole))
     return tuple(every)
 
 
@@ -148,4 +149,4 @@ def known_columns() -> dict[str, Column]:
 def known_numbers() -> dict[str, Column]:
     """Return the attributes of cases that sweep files hold as columns, by name."""
     every = [column for observable in OBSERVABLES.values() for column in observable.NUMBERS]
-    return {column.name: column for column in (*every, *of_one_contact(every, line=False), *ACCURACY)}
+    return {column.name: column for column in (*every, *of_one_contact(every), *ACCURACY)}

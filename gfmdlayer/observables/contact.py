@@ -299,10 +299,12 @@ TOTALS: dict[str, Column | None] = dict.fromkeys(_OF_A_CELL) | {
 }
 
 
-def of_one_contact(columns: Iterable[Column], *, line: bool) -> Iterator[Column]:
-    """Yield the columns of an isolated contact for those of a periodic one."""
+def of_one_contact(columns: Iterable[Column], *, line: bool = False, whole: bool = True) -> Iterator[Column]:
+    """Yield the columns of an isolated contact for those of a periodic one; it is `whole`, or has periods."""
     for column in columns:
         if (total := TOTALS.get(column.name, column)) is not None:
+            if not whole:
+                total = replace(total, origin=total.origin.replace("the whole contact", "one period"))
             yield replace(total, units=_ON_A_LINE.get(total.units, total.units)) if line else total
 
 

@@ -178,7 +178,7 @@ class Slip(Observable):
     def __init__(self, case: Observed) -> None:
         self._names = [column.name for column in self.columns(case.config) or ()]
         self._direction, self._time = direction(case.config), case.config.time
-        alone = case.config.grid.isolated and case.config.trajectory.moves
+        alone = case.config.grid.ends_along_x and case.config.trajectory.moves
         self._by_spacings = alone or self._time.at_once
         self._heat = self._change = 0.0
         self._times = [math.nan] * len(self.NUMBERS)

@@ -114,8 +114,9 @@ class MustBe:
 class Word(MustBe):
     """Annotation of a field that takes one of several words."""
 
-    def __init__(self, *words: str) -> None:
-        super().__init__(" or ".join(words) if len(words) == 2 else "one of " + ", ".join(words), words)
+    def __init__(self, *words: str, more: str = "") -> None:
+        choice = " or ".join(words) if len(words) == 2 else "one of " + ", ".join(words)
+        super().__init__(choice + more, words)
 
     def __get_pydantic_core_schema__(self, _source: Any, _handler: GetCoreSchemaHandler) -> CoreSchema:
         """Take the words and nothing else."""

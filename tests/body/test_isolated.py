@@ -10,6 +10,7 @@ import gfmdlayer
 from gfmdlayer import Elastic, LayerStack, Prony, Wavevectors, Zener, bonded_layer, halfspace
 from gfmdlayer.body.isolated import TOLERANCE, isolated
 from gfmdlayer.body.layer import Halfspace
+from gfmdlayer.body.solid import Boundary
 
 CELL = (1.0, 1.0)
 
@@ -105,6 +106,78 @@ def check(found):
 def test_random_bodies_answer_without_images_within_reach(seed, count):
     """Up to a second each; docs/theory/isolated.md has the figures of 300."""
     check(fitted(seed, count))
+
+
+def error_along_an_axis(found, rng):
+    """Likewise of one isolated axis: integrals along it for each wavenumber along the other, two directly."""
+    (axis,), datum = found.boundary.axes, found.boundary.datum
+    length, across = found.period[axis], found.period[1 - axis]
+    n, last = np.arange(-25, 26), 130 / length
+
+    def low_pass(q):
+        return 0.5 * erfc(5 * (q / (last / 2) - 1))
+
+    edges = [0.0, *np.geomspace(1e-9, last, 60), *np.arange(0, last, 4 / length)]
+    if datum is not None:
+        edges += [*np.arange(0, 200 / datum, 1 / datum)]
+    edges, (x, w) = np.unique(edges), np.polynomial.legendre.leggauss(16)
+    half = np.diff(edges)[:, np.newaxis] / 2
+    q, w = (half * (x + 1) + edges[:-1, np.newaxis]).ravel(), (half * w).ravel() / np.pi
+    x = length * found.reach * np.r_[0, rng.uniform(0, 1, 15), 1]
+    y = across * rng.uniform(0, 1, 17)
+    y[0] = 0.0
+    times = found.low.times[found.low.weights > 0]
+    between = np.log([times.min() / 30, times.max() * 100]) if times.size else np.zeros(2)
+    worst = 0.0
+    for s in (0.0, *(1 / np.exp(rng.uniform(*between, 6))), 1e9 / times.min(initial=1.0)):
+        off, size = np.zeros(17), 0.0
+        for m in range(1 + int(last * across / (2 * np.pi))):
+            qm, share = 2 * np.pi * m / across, (2 if m else 1) / across
+            C = 1 / found.body.stiffness(np.hypot(q, qm), s)
+            response = np.cos(np.outer(x, q)) @ (w * C * low_pass(np.hypot(q, qm)))
+            if datum is not None and not m:  # a smooth cut that the datum does not see
+                response = response - (w * C * low_pass(q * datum / length)) @ np.cos(datum * q)
+            components = 2 * np.pi * n / length, np.full(n.size, qm)
+            waves = Wavevectors.of_components(*components[:: 1 - 2 * axis])
+            own = 1 / found.body.stiffness(np.maximum(waves.magnitude, 1e-9), s)
+            cut = np.where(waves.magnitude > 0, (1 - low_pass(waves.magnitude)) * own, 0.0)
+            cell = (
+                np.cos(2 * np.pi / length * np.outer(x, n)) @ (1 / found.stiffness(waves, s) - cut) / length
+            )
+            off += share * np.cos(qm * y) * (cell - response)
+            size += share * np.abs(response).max()
+        worst = max(worst, np.abs(off).max() / size)
+    return worst
+
+
+FILM = bonded_layer(0.1, Zener(G0=1.0, Ginf=10.0, tau=1.0), poisson=0.45, halfspace=5.0)
+
+
+@pytest.mark.parametrize(
+    ("body", "datum", "period"),
+    [
+        (halfspace(1.0), 3.0, (2.0, 1.0)),
+        (FILM, 2.5, (1.0, 0.3)),
+        (bonded_layer(0.05, Zener(10.0, 50.0, 1.0), poisson=0.3, halfspace=1.0), 3.0, (2.0, 1.0)),
+        (bonded_layer(0.2, Zener(1.0, 10.0, 1.0), poisson=0.45), None, (1.0, 1.0)),
+    ],
+    ids=["halfspace", "film in a long cell", "stiff film", "rigid base"],
+)
+def test_along_one_axis_a_body_answers_without_images(body, datum, period):
+    found = isolated(body, period, Boundary((False, True), datum))
+    turned = isolated(body, period[::-1], Boundary((True, False), datum))
+    assert found.error <= TOLERANCE
+    assert turned.error == found.error
+    assert (turned.low.relaxed > 0).all()
+    assert error_along_an_axis(turned, np.random.default_rng(3)) < 1.1 * TOLERANCE  # between the nodes
+
+
+def test_a_line_is_a_surface_with_one_isolated_axis_under_loads_that_are_uniform_along_the_other():
+    line = isolated(FILM, (1.0,), Boundary((True,), 3.0))
+    surface = isolated(FILM, (1.0, 0.4), Boundary((True, False), 3.0))
+    q = 2 * np.pi * np.arange(30.0)
+    for s in (0.0, 0.3, 1e9):
+        assert surface.stiffness(q, s) == pytest.approx(line.stiffness(q, s), rel=2e-3)  # two fits
 
 
 def test_spectrum_is_the_stiffness_of_its_modes_and_the_body_s_own_beyond():

@@ -8,6 +8,7 @@ from scipy.special import jv
 
 import gfmdlayer
 from gfmdlayer import Zener, bonded_layer, halfspace
+from gfmdlayer.body.solid import Boundary
 from gfmdlayer.friction.isolated import IsolatedResponse, compliances, without_images
 from gfmdlayer.friction.response import Operator, Response, SharedTransforms, Spent
 from gfmdlayer.grid.grid import Grid
@@ -99,12 +100,61 @@ def test_kernels_of_a_line_are_integrals_from_the_datum(body):
         (0, 0): counted @ (passed * WW), (0, 1): -np.sin(np.outer(x, k)) @ (passed * WU),
         (1, 0): np.sin(np.outer(x, k)) @ (passed * WU), (1, 1): counted @ (passed * UU),
     }  # fmt: skip
-    kernels = without_images(BODIES[body], Grid((N,), (1.0,)), datum)
+    kernels = without_images(BODIES[body], Grid((N,), (1.0,)), Boundary((True,), datum))
     found = responses(kernels.with_weights(np.ones(kernels.times.size)), 1)
     for (load, kind), value in exact.items():
         off, size = found[load][kind][i] - value, np.abs(exact[load, load]).max()
         assert np.ptp(off) < 1e-6 * size
         assert np.abs(off).max() < (1e-6 if datum is None else (WIDTH / datum) ** 2) * size
+
+
+@pytest.mark.parametrize("axis", [0, 1])
+@pytest.mark.parametrize("body", ["halfspace", "relaxing film", "stiff film"])
+def test_kernels_of_one_isolated_axis_are_integrals_along_it_and_sums_along_the_other(body, axis):
+    """All components, at differences of any length along the periodic axis."""
+    datum, across = 3.0, 0.75
+    k, weights = rule(np.unique([0, *np.geomspace(1e-9, 8 / WIDTH, 90), *np.arange(0, 8 / WIDTH, 5)]))
+    numbers = np.arange(math.ceil(8 / WIDTH * across / (2 * np.pi)))
+    period, points = (1.0, across) if axis == 0 else (across, 1.0), (N, 48) if axis == 0 else (48, N)
+    rng = np.random.default_rng(1)
+    i, j = rng.integers(-N // 2 + 14, N // 2 - 13, 60), rng.integers(0, 48, 60)
+    i[(np.abs(i) < 14) & (np.minimum(j, 48 - j) < 14)] = 14
+    x, y = i / N, j * across / 48
+    exact = np.zeros((3, 3, 60))
+    for m in numbers:
+        qm = 2 * np.pi * m / across
+        q = np.hypot(k, qm)
+        WW, WU, UU, VV = compliances(BODIES[body], q, np.array([0.3]))[:, 0]
+        along, beside = k / q, qm / q
+        passed = np.exp(-((q * WIDTH) ** 2) / 2) * weights / np.pi * ((2 if m else 1) / across)
+        cos, sin = np.cos(np.outer(x, k)), np.sin(np.outer(x, k))
+        counted = cos - (0 if m else np.cos(k * datum))
+        c, s = np.cos(qm * y), np.sin(qm * y)
+        exact[0, 0] += counted @ (passed * WW) * c
+        exact[1, 1] += counted @ (passed * (UU * along**2 + VV * beside**2)) * c
+        exact[2, 2] += counted @ (passed * (VV * along**2 + UU * beside**2)) * c
+        exact[0, 1] -= sin @ (passed * WU * along) * c
+        exact[0, 2] -= cos @ (passed * WU * beside) * s
+        exact[1, 2] -= sin @ (passed * (UU - VV) * along * beside) * s
+    grid = Grid(points, period)
+    kernels = without_images(BODIES[body], grid, Boundary((axis == 0, axis == 1), datum))
+    response = kernels.with_weights(1 / (1 + 0.3 * kernels.times))
+    operator = Operator(grid, response, SharedTransforms(Transforms(points), Spent(), 1.0))
+    every = zip(points, period, strict=True)
+    distances = np.meshgrid(*(length * np.fft.fftfreq(n) for n, length in every), indexing="ij", sparse=True)
+    load = np.exp(-sum(each**2 for each in distances) / (2 * WIDTH**2)) / (2 * np.pi * WIDTH**2)
+    order = [0, 1, 2] if axis == 0 else [0, 2, 1]
+    for kind in range(3):
+        fields = np.zeros((3, grid.size))
+        fields[order[kind]] = load.ravel()
+        found = operator(fields).reshape(-1, *points)
+        if axis == 1:
+            found = found.transpose(0, 2, 1)[order]
+        size = np.abs(exact[kind, kind]).max()
+        for other in range(3):
+            expected = exact[min(kind, other), max(kind, other)] * (-1 if kind and not other else 1)
+            # A Gaussian at the datum is no point: (w/datum)^2.
+            assert np.abs(found[other][i, j] - expected).max() < (1e-6 + (WIDTH / datum) ** 2) * size
 
 
 def test_a_rectangular_cell_has_the_kernel_of_a_halfspace():
@@ -138,7 +188,7 @@ def test_more_times_are_taken_until_the_error_of_the_form_is_small(body):
 
 def in_creep_form(body, grid):
     """The response of a periodic surface in creep form."""
-    form = without_images(body, grid, 3.0 if len(grid.points) == 1 else None)
+    form = without_images(body, grid, Boundary((True,), 3.0) if len(grid.points) == 1 else None)
     per_wave = [Response(*part).factors(grid) for part in zip(*form.plain, strict=True)]
     shape = (form.times.size + 1, *grid.spectral_shape)
     parts = tuple(np.stack(part).reshape(shape) * grid.size for part in zip(*per_wave, strict=True))

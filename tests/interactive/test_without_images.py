@@ -86,6 +86,55 @@ def test_a_cylinder_is_hertz_with_its_depth_from_the_datum():
     assert float(found.area_interpolated) == pytest.approx(2 * a, rel=1e-3)
 
 
+def test_a_line_of_spheres_is_hertz_with_the_displacements_of_the_others():
+    """Along one axis without images: the doubly isolated contact, and the point loads F at n W on a line.
+
+    Their displacement, counted from its mean at the distance B, is 2 F/(pi E W) (gamma + ln(B/2W)). Of the
+    next term, F/(pi E) 2 zeta(3)/W^3, counts a quarter of the mean squares of the radius: under the load,
+    2 a^2/5, and under the weight of a displacement at a given load, that of a flat punch, 2 a^2/3. Left is
+    (a/W)^5.
+    """
+    F, W, B = 0.002, 0.9, 9.0
+    a = (3 * F / (4 * E)) ** (1 / 3)
+    shift = F / (math.pi * E) * (2 / W * (np.euler_gamma + math.log(B / (2 * W))))
+    shift += F / (math.pi * E) * 2 * 1.2020569 / W**3 * (2 / 5 + 2 / 3) * a**2 / 4
+    cells = {"period": (5 * a, W), "points": (80, 128), "isolated": (True, False), "datum": B}
+    row = solve(halfspace(1.0), Parabola(radius=1.0), force=F, **cells)
+    alone = {"period": (5 * a, W), "points": (80, 128), "isolated": True}
+    one = solve(halfspace(1.0), Parabola(radius=1.0), force=F, **alone)
+    # Both responses are fits, within 3e-5 and 1e-6 of the largest of their smooth parts, some a^2/2.
+    assert float(row.depth - one.depth) == pytest.approx(shift, abs=(3e-5 + (a / W) ** 5) * a**2)
+    assert float(row.pressure.max()) == pytest.approx(float(one.pressure.max()), rel=(a / W) ** 3)
+
+
+@pytest.mark.parametrize("axis", [0, 1])
+def test_on_a_rigid_base_one_isolated_axis_is_the_limit_of_a_long_period(axis):
+    """Responses end like exp(-pi/2 x/d) at most: half a period of 12 thicknesses away, 1e-8."""
+    body, turn = bonded_layer(0.05, 1.0, poisson=0.4), slice(None, None, 1 - 2 * axis)
+    alone = {"period": (0.6, 0.3)[turn], "points": (96, 48)[turn], "isolated": (True, False)[turn]}
+    long = {"period": (1.2, 0.3)[turn], "points": (192, 48)[turn]}
+    found, limit = (solve(body, Parabola(radius=1.0), depth=DEPTH, **cell) for cell in (alone, long))
+    assert float(found.force) == pytest.approx(float(limit.force), rel=1e-6)
+    wide = {"period": 0.6, "points": (96, 96)}
+    one = solve(body, Parabola(radius=1.0), depth=DEPTH, isolated=True, **wide)
+    row = solve(body, Parabola(radius=1.0), depth=DEPTH, isolated=(True, False)[turn], **wide)
+    assert float(row.force) == pytest.approx(float(one.force), rel=2e-4)  # the tolerance of the fit is 1e-3
+    assert abs(float(found.force / one.force) - 1) > 0.02  # the neighbours count
+
+
+@pytest.mark.parametrize("axis", [0, 1])
+def test_a_cylinder_on_a_surface_is_hertz_over_a_period(axis):
+    a, B, W, turn = 0.1, 3.0, 0.3, slice(None, None, 1 - 2 * axis)
+    F, depth = math.pi * E * a**2 / 4, a**2 / 2 * (math.log(2 * B / a) + 0.5)
+    found = solve(
+        halfspace(1.0), Parabola(radius=(1.0, math.inf)[turn]), force=F * W, datum=B,
+        period=(5 * a, W)[turn], points=(512, 8)[turn], isolated=(True, False)[turn],
+    )  # fmt: skip
+    assert float(found.depth) == pytest.approx(depth, rel=(a / B) ** 2)
+    assert float(found.pressure.max()) == pytest.approx(E * a / 2, rel=2e-4)
+    assert float(found.area_interpolated) == pytest.approx(2 * a * W, rel=1e-3)
+
+
 def test_displacement_is_that_of_a_wider_cell_and_nan_beyond_reach():
     a = math.sqrt(DEPTH)
     body = bonded_layer(0.1, 1.0, poisson=0.4, halfspace=0.3)
@@ -120,6 +169,9 @@ def test_a_contact_wider_than_the_reach_is_that_of_a_larger_cell():
         ({"depth": 0.01, "isolated": True}, "must have a datum"),
         ({"mean_pressure": 0.01, "isolated": True}, "must be depth or force"),
         ({"depth": 0.01, "datum": 2.0}, "only with isolated=True"),
+        ({"depth": 0.01, "isolated": (True, False)}, "must be True or False"),
+        ({"depth": 0.01, "points": (32, 32), "isolated": (True, 1)}, "a pair of them, along x and y"),
+        ({"depth": 0.01, "points": (32, 32), "isolated": (True, False)}, "must have a datum"),
     ],
 )
 def test_options_that_do_not_go_together_are_refused(options, words):
