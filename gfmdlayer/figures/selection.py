@@ -334,7 +334,7 @@ def _is_swept(dataset: Dataset, name: str) -> bool:
     """Whether a column only repeats a swept number, as a temperature that does not change within a case."""
     column, keys = dataset[name], (key for key in swept(dataset) if key.dtype.kind in "if")
     same = (abs(column - key) <= SAME_VALUE * abs(key) for key in keys)
-    return any(bool(each.where(column.notnull(), True).all()) for each in same)  # noqa: FBT003
+    return any(bool(each.where(column.notnull(), True).all()) for each in same)
 
 
 def at_time(dataset: Dataset, name: str, time: Time | None) -> tuple[DataArray, str]:

@@ -2,12 +2,12 @@
 1. Friction of a coated roller
 ==============================
 
-Two rollers with rubber coatings of 5 mm and 3 mm roll on each other at several speeds. The friction is the loss
-of both coatings, and the columns ``friction_body`` and ``friction_counterbody`` split it.
+Two rollers with rubber coatings of 5 mm and 3 mm roll on each other at several speeds. The friction is the
+loss of both coatings, and the columns ``friction_body`` and ``friction_counterbody`` split it.
 
-*In another way.* In the steady state a coating sees the waves of the pressure pass at the frequencies q v. Each
-loses the imaginary part of its compliance at this frequency, times q and the square of the wave. This sum needs
-no time steps, and has to give the friction within the 0.1 % to which the run has settled.
+*In another way.* In the steady state a coating sees the waves of the pressure pass at the frequencies q v.
+Each loses the imaginary part of its compliance at this frequency, times q and the square of the wave. This
+sum needs no time steps, and has to give the friction within the 0.1 % to which the run has settled.
 """
 
 import tempfile

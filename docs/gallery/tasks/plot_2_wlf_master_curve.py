@@ -2,12 +2,12 @@
 2. A master curve of friction
 =============================
 
-A cylinder slides on rubber at three temperatures, without friction at the interface. Over the reduced
-speed v aT, with the shift factor aT of Williams, Landel and Ferry, the friction at all temperatures is one curve:
+A cylinder slides on rubber at three temperatures, without friction at the interface. Over the reduced speed
+v aT, with the shift factor aT of Williams, Landel and Ferry, the friction at all temperatures is one curve:
 a cold rubber is a fast one.
 
-*In another way.* log aT = -C1 (T - T0)/(C2 + T - T0) is one at T0 - C2/(C1 + 1), and minus one at
-T0 + C2/(C1 - 1). At the first of these temperatures the friction at 0.3 m/s is that of 3 m/s at 25 °C, at the
+*In another way.* log aT = -C1 (T - T0)/(C2 + T - T0) is one at T0 - C2/(C1 + 1), and minus one at T0 +
+C2/(C1 - 1). At the first of these temperatures the friction at 0.3 m/s is that of 3 m/s at 25 °C, at the
 second that of 0.03 m/s. Both runs settle to 0.1 %.
 """
 
@@ -43,7 +43,12 @@ for T, factor, marker in zip(temperatures, factors, "o^s", strict=True):
     one = friction.sel({"temperature.value": T})
     measured.semilogx(one.velocity / 1e3, one, f"{marker}-", label=f"{T:.1f} °C")
     master.semilogx(factor * one.velocity / 1e3, one, marker, fillstyle="none", ms=9)
+reduced = np.outer(factors, friction.velocity / 1e3).ravel()
+order = reduced.argsort()
+master.plot(reduced[order], friction.to_numpy().ravel()[order], "k", lw=0.8)
 measured.set(xlabel="speed [m/s]", ylabel="coefficient of friction", ylim=(0, None))
-master.set(xlabel="reduced speed $v\\,a_T$ at 25 °C [m/s]", title=None)
+master.set(xlabel="reduced speed $v\\,a_T$ at 25 °C [m/s]")
+measured.set_xticks([0.3, 1.0, 3.0], ["0.3", "1", "3"])
+measured.minorticks_off()
 measured.legend(frameon=False)
 plt.show()

@@ -2,13 +2,13 @@
 4. Electroadhesion over voltage
 ===============================
 
-A wavy electrode lies on a rubber film under insulation of 10 µm. The voltage falls from 100 V to zero in 200 s,
-slowly against the relaxation time of the film, 0.5 s, and the contact opens from its valleys.
+A wavy electrode lies on a rubber film under insulation of 10 µm. The voltage falls from 100 V to zero in
+200 s, slowly against the relaxation time of the film, 0.5 s, and the contact opens from its valleys.
 
-*In another way.* In complete contact the attraction is uniform, ε0 (V/h)²/2 with the thickness h = 10 µm/3 of the
-insulation over its permittivity, and the elastic pressure K A cos(qx), with the stiffness K of the relaxed film at
-the wave q of the electrode and its amplitude A. The valleys open where attraction and load, 0.1 kPa, fall below
-K A. The rows of the run are 0.5 V apart, 1 % of the voltage.
+*In another way.* In complete contact the attraction is uniform, ε0 (V/h)²/2 with the thickness h = 10 µm/3
+of the insulation over its permittivity, and the elastic pressure K A cos(qx), with the stiffness K of the
+relaxed film at the wave q of the electrode and its amplitude A. The valleys open where attraction and load,
+0.1 kPa, fall below K A. The rows of the run are 0.5 V apart, 1 % of the voltage.
 """
 
 import tempfile

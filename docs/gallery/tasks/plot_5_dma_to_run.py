@@ -2,13 +2,13 @@
 5. From a DMA curve to a run
 ============================
 
-Storage and loss modulus of a rubber, with 1 % of noise, become a Prony series (``gfmdlayer fit-material dma.csv``).
-A ball with a radius of 5 mm is then pressed 0.2 mm deep into a thick sheet of it, within 10 ms.
+Storage and loss modulus of a rubber, with 1 % of noise, become a Prony series (``gfmdlayer fit-material
+dma.csv``). A ball with a radius of 5 mm is then pressed 0.2 mm deep into a thick sheet of it, within 10 ms.
 
 *In another way.* Ninomiya and Ferry read the relaxation modulus off the measured curve without any fit,
-G(t) = G'(ω) - 0.40 G''(0.40 ω) + 0.014 G''(10 ω) at ω = 1/t, and Hertz gives the force
-8/3 G/(1 - ν) R^(1/2) d^(3/2). Their formula is right to some percent, the noise adds one; the ball is stiffer by
-d/(10 R) than the parabola of Hertz, 0.4 %.
+G(t) = G'(ω) - 0.40 G''(0.40 ω) + 0.014 G''(10 ω) at ω = 1/t, and Hertz gives the force 8/3 G/(1 - ν)
+R^(1/2) d^(3/2). Their formula is right to some percent, the noise adds one; the ball is stiffer by d/(10 R)
+than the parabola of Hertz, 0.4 %.
 """
 
 import tempfile
@@ -21,7 +21,9 @@ import gfmdlayer
 from gfmdlayer.cli import main
 
 folder = Path(tempfile.mkdtemp())
-sample = gfmdlayer.Prony(1.0, [(100.0, 1e-4), (30.0, 1e-3), (10.0, 1e-2), (4.0, 0.1), (2.0, 1.0), (1.0, 10.0)])
+sample = gfmdlayer.Prony(
+    1.0, [(100.0, 1e-4), (30.0, 1e-3), (10.0, 1e-2), (4.0, 0.1), (2.0, 1.0), (1.0, 10.0)]
+)
 omega = np.geomspace(1e-2, 1e4, 43)
 noise = 1 + 0.01 * np.random.default_rng(1).standard_normal((2, omega.size))
 storage, loss = noise * np.array([sample.complex_modulus(omega).real, sample.complex_modulus(omega).imag])

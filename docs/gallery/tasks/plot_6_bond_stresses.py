@@ -5,10 +5,10 @@
 A rubber sheet of 1 mm, bonded to steel, under a roller with a radius of 400 mm. Cracks begin where the bond
 is sheared most, and that is inside of the contact, not at its edge.
 
-*In another way.* In a thin incompressible sheet the pressure squeezes the rubber like a film of
-fluid whose upper face slips: p = G (a² - x²)²/(8 R h³) over a contact of the half-width a, a load of
-2 G a⁵/(15 R h³) per length, and the shear h dp/dx at the bond. Its largest value is G a³/(3 √3 R h²). What this leaves
-out is of second order in h/a, here 1/400, with a factor of some units.
+*In another way.* In a thin incompressible sheet the pressure squeezes the rubber like a film of fluid whose
+upper face slips: p = G (a² - x²)²/(8 R h³) over a contact of the half-width a, a load of 2 G a⁵/(15 R h³)
+per length, and the shear h dp/dx at the bond. Its largest value is G a³/(3 √3 R h²). What this leaves out
+is of second order in h/a, here 1/400, with a factor of some units.
 """
 
 import matplotlib.pyplot as plt
@@ -42,7 +42,7 @@ for i, when in enumerate(("1 s", "40 s")):
     panels[0].plot(data.x, data.pressure[i], f"C{i}", label=f"after {when}")
     panels[1].plot(bond.x, bond.stress_xz[i], f"C{i}")
 panels[0].plot(x, relaxed * (a**2 - x**2) ** 2 / (8 * radius * h**3), "k:", label="thin sheet, relaxed")
-panels[1].plot(x, relaxed * x * (a**2 - x**2) / (2 * radius * h**2), "k:")
+panels[1].plot(x, -relaxed * x * (a**2 - x**2) / (2 * radius * h**2), "k:")
 panels[0].set(ylabel="contact pressure [MPa]", xlim=(-1.6 * a, 1.6 * a))
 panels[1].set(xlabel="x [mm]", ylabel="shear stress at the bond [MPa]")
 panels[0].legend(frameon=False, fontsize=8)

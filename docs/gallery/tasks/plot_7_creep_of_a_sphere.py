@@ -5,9 +5,9 @@
 A ball with a radius of 5 mm rests with 1 N on a thick rubber sheet, G = 5 MPa at first and 1 MPa at last.
 
 *In another way.* As the contact grows, the elastic solution holds with J(t) = 1/G0 - (1/G0 - 1/Ginf)
-exp(-t/θ), θ = τ Ginf/G0, in place of 1/G (Lee and Radok), and a rigid ball is Sneddon's, with
-F = ((a² + R²) ln((R + a)/(R - a)) - 2 a R)/(J (1 - ν)) and the depth a/2 ln((R + a)/(R - a)). The rows of a run are right
-to a thousandth.
+exp(-t/θ), θ = τ Ginf/G0, in place of 1/G (Lee and Radok), and a rigid ball is Sneddon's, with F = ((a² +
+R²) ln((R + a)/(R - a)) - 2 a R)/(J (1 - ν)) and the depth a/2 ln((R + a)/(R - a)). The rows of a run are
+right to a thousandth.
 """
 
 import matplotlib.pyplot as plt
