@@ -353,8 +353,9 @@ def _under_fluid(
 ) -> tuple[FloatArray, list[str]]:
     """Return the means of K under the falling pressure of the fluid, their lower and upper ends, and doubts.
 
-    The present body is taken for its relaxed one times a number, which follows from pressure and displacement
-    of the snapshot. So it is, if it relaxes by one law and the contact has only grown under a load at once.
+    If a body of one law is loaded at once and its contact only grows, displacement and gap are those of the
+    relaxed body under a smaller load (Lee and Radok 1960), which follows from the displacement. A fluid that
+    has acted since then reduces this load by the same part.
     """
     from gfmdlayer.interactive.solve import solve
 
@@ -370,10 +371,13 @@ def _under_fluid(
         )
     if not below.any():
         return found, said
-    present = _stiffness_over_relaxed(pressure, surface, period, body)
+    if (gap <= 0).all():
+        found[:, below] = 0.0
+        return found, said
+    present = _relaxed_load(surface, gap, period, body) / load
     levels = np.linspace(0.0, float(drops[below][-1]), LEVELS)
     contacts = solve(
-        body, -(gap + surface), mean_pressure=((load - levels) / present).tolist(), period=_cell(period)
+        body, -(gap + surface), mean_pressure=((load - levels) * present).tolist(), period=_cell(period)
     )
     axis, gaps = "xy".index(along), contacts["gap"].transpose("mean_pressure", *grid).to_numpy()
     flows = np.array([flow_through(each, period).tensor[axis, axis] for each in gaps])
@@ -399,16 +403,13 @@ def _cell(period: tuple[float, ...]) -> float | tuple[float, float]:
     return period[0] if len(period) == 1 else (period[0], period[1])
 
 
-def _stiffness_over_relaxed(
-    pressure: FloatArray, surface: FloatArray, period: tuple[float, ...], body: Body
-) -> float:
-    """Return the number by which the relaxed stiffness fits pressure and displacement best, in energy."""
-    spacing = [length / n for length, n in zip(period, pressure.shape, strict=True)]
-    q = np.meshgrid(
-        *(2 * np.pi * np.fft.fftfreq(n, h) for n, h in zip(pressure.shape, spacing, strict=True)),
-        indexing="ij",
-    )
-    waves = Wavevectors.of_components(*(each.ravel()[1:] for each in q))
-    K = np.real(body.stiffness(waves, 0.0))
-    p, u = (np.fft.fftn(each).ravel()[1:] for each in (pressure, surface))
-    return float(-np.real(p * np.conj(u)).sum() / (K * np.abs(u) ** 2).sum())
+def _relaxed_load(surface: FloatArray, gap: FloatArray, period: tuple[float, ...], body: Body) -> float:
+    """Return the mean pressure under which the relaxed body has this displacement: none where it is open."""
+    spacing = [length / n for length, n in zip(period, surface.shape, strict=True)]
+    axes = (2 * np.pi * np.fft.fftfreq(n, h) for n, h in zip(surface.shape, spacing, strict=True))
+    waves = Wavevectors.of_components(*(q.ravel()[1:] for q in np.meshgrid(*axes, indexing="ij")))
+    u = np.fft.fftn(surface).ravel()
+    u[1:] *= -np.real(body.stiffness(waves, 0.0))
+    u[0] = 0.0
+    pressure = np.real(np.fft.ifftn(u.reshape(surface.shape)))
+    return -float(pressure[gap > 0].mean())

@@ -237,14 +237,13 @@ def test_a_relaxing_seal_under_fluid_leaks_as_one_under_the_lower_load():
     drops = np.linspace(0.0, 0.012, 5)[1:]
     found = quiet(seal(), viscosity=1 / 12, pressure_drop=drops, coupled=True)
     loads = 0.03 - np.linspace(0.0, drops[-1], 5)
-    own = [
-        quiet(gfmdlayer.run(SEAL | {"trajectory": SEAL["trajectory"] | {"load": load}})).flow_xx[-1]
-        for load in loads
-    ]
-    (mean, *_), _ = mean_under_fluid(0.03 - loads, np.array(own), drops[-1:])
-    # The runs have the tolerance of 1 % a step, of which K feels some threefold.
-    assert float(found.leak_rate[-1, -1] / drops[-1]) == pytest.approx(mean, rel=0.06)
-    assert float(found.leak_rate[-1, -1]) > 1.3 * float(found.leak_rate_one_way[-1, -1])
+    runs = [gfmdlayer.run(SEAL | {"trajectory": SEAL["trajectory"] | {"load": load}}) for load in loads]
+    own = np.array([quiet(each).flow_xx for each in runs])
+    for i in range(2):
+        (mean, *_), _ = mean_under_fluid(0.03 - loads, own[:, i], drops[-1:])
+        # Steps of 1 % leave a third of a percent in the creep of each run, and threefold that in K.
+        assert float(found.leak_rate[i, -1] / drops[-1]) == pytest.approx(mean, rel=0.01)
+        assert (found.leak_rate[i] > found.leak_rate_one_way[i]).all()
 
 
 def test_a_fluid_that_lifts_the_seal_off_has_no_rate():
@@ -281,7 +280,10 @@ def test_leak_rates_that_cannot_be_computed_are_refused(options, message):
 
 
 def test_a_fluid_under_an_adhesive_or_moving_contact_is_refused():
-    config = SEAL | {"grid": {"points": [16, 16]}, "punch": {"shape": "sinusoid", "amplitude": 0.01}}
+    config = SEAL | {
+        "grid": {"points": [16, 16]},
+        "punch": {"shape": "sinusoid", "amplitude": 0.01, "wavelength": 1.0},
+    }
     sliding = gfmdlayer.run(config | {"trajectory": SEAL["trajectory"] | {"velocity": 0.1}})
     with pytest.raises(ConfigError, match="coupled: got a contact with a moving punch; must be a hard wall"):
         gfmdlayer.leakage(sliding, viscosity=1.0, pressure_drop=1e-3, coupled=True)
