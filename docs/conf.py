@@ -31,6 +31,7 @@ templates_path = ["templates"]
 exclude_patterns = [
     "_build",
     "gallery/README.rst",
+    "gallery/tasks/README.rst",
     "gallery/examples",
     "extensions",
     "verification/run",

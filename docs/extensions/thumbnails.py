@@ -69,5 +69,5 @@ def setup(app: Sphinx) -> dict[str, bool]:
 
 
 def _replace(app: Sphinx) -> None:
-    for path in (Path(app.srcdir) / "examples/images" / _OURS).glob("*.png"):
+    for path in (Path(app.srcdir) / "examples").rglob(f"images/{_OURS}/*.png"):
         shutil.copy(path, path.parents[1] / "thumb" / path.name)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import sys
 import warnings
+from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -213,7 +214,8 @@ def _listed(folder: Folder) -> list[Listed]:
 
 
 _WIDTHS = {
-    "time": 10, "flow_xx": 11, "flow_yy": 11, "hydraulic_gap_x": 15, "hydraulic_gap_y": 15, "leak_rate": 11,
+    "time": 10, "flow_xx": 11, "flow_yy": 11, "hydraulic_gap_x": 15, "hydraulic_gap_y": 15,
+    "pressure_drop": 13, "leak_rate": 11, "leak_rate_low": 13, "leak_rate_high": 14,
     "error": 8, "imbalance": 9, "throat": 6,
 }  # fmt: skip
 _LEAK = """
@@ -221,10 +223,14 @@ path DIR  results folder, or the file of one case
 --case N  only this case of a sweep (default: all; the first is drawn)
 --along {x,y} = x  direction of the pressure drop (default: x)
 --viscosity ETA  of the fluid: pressure time
---pressure-drop P  over the length of the seal: pressure
+--pressure-drop P ...  over the length of the seal, one or several that increase: pressure
 --length L  length of the seal along the flow (default: the cell's)
 --width W  width of the seal across the flow (default: the cell's)
---out PATH  the picture, .png, .pdf or .svg, or folder for it (default: NAME-leak.png with the results)
+--diameter D  of a ring, whose width is pi times it
+--coupled  the fluid lifts the surface: its pressure takes the place of contact pressure along the seal
+--plot  draw the leak rate over time and over the pressure drops, with its interval of doubt
+--out PATH  the picture, .png, .pdf or .svg, or folder for it (default: NAME-leak.png with the results; with
+  --plot NAME-leak-curve.png)
 --style {paper,screen} = paper  of the picture
 --trust  run the Python code that the results name as their body, for the lift
 --fields PATH  write flow, pressure and all numbers of the case drawn to an .h5, or into a folder
@@ -238,7 +244,7 @@ _EXAMPLE_OF_LEAK = (
 @verb(_LEAK, _EXAMPLE_OF_LEAK)
 def leak(options: argparse.Namespace) -> int:
     """Print how much a fluid leaks through the gap, from the snapshots of results."""
-    from gfmdlayer.figures.field_plots import flow_figure
+    from gfmdlayer.figures.field_plots import flow_figure, leak_figure
     from gfmdlayer.figures.plot_style import STYLES, check_suffix, save
     from gfmdlayer.figures.snapshots import cases_with_snapshots
     from gfmdlayer.files.whole import output_file, unfinished
@@ -250,41 +256,63 @@ def leak(options: argparse.Namespace) -> int:
     written = options.fields and output_file(options.fields, Path(f"{path.resolve().stem}-leak.h5"))
     if written:
         check_suffix(written, (".h5",))
-    keys = ("viscosity", "pressure_drop", "along", "length", "width")
+    keys = ("viscosity", "along", "length", "width", "diameter", "coupled", "trust")
     seal = {key: getattr(options, key) for key in keys}
+    drops = options.pressure_drop
+    seal["pressure_drop"] = drops if len(drops) > 1 else drops[0] if drops else None
+    flows: dict[str, Dataset] = {}
     with open_case(path) if path.is_file() else open_results(path) as results:
         name = str(results.attrs.get("name") or path.resolve().stem)
-        default = path.with_name(f"{path.stem}-leak.png") if path.is_file() else path / f"{name}-leak.png"
+        suffix = "leak-curve" if options.plot else "leak"
+        default = (
+            path.with_name(f"{path.stem}-{suffix}.png") if path.is_file() else path / f"{name}-{suffix}.png"
+        )
         picture = output_file(options.out, default)
         check_suffix(picture)
         most = 1 if options.case is not None else sys.maxsize
         with cases_with_snapshots(path, results, options.case, most) as cases:
             if not cases:
                 raise ResultsError(f"{path}: no snapshots; set output.snapshots and run the config again")
-            if options.out is not None and "y" not in next(iter(cases.values())).dims:
+            first = next(iter(cases.values()))
+            if options.out is not None and not options.plot and "y" not in first.dims:
                 return refuse("--out: the flow along a line has no map to draw; leave --out away")
+            if options.plot and (refusal := _no_curve(drops, first)):
+                return refuse(refusal)
             for i, (title, case) in enumerate(cases.items()):
                 label = title.replace("$", "")
                 with warnings.catch_warnings(record=True) as caught:
                     warnings.simplefilter("always", UserWarning)
-                    flow = leakage(case, fields=i == 0, trust=options.trust, **seal)
+                    flows[title] = flow = leakage(case, fields=i == 0, **seal)
                 _print(label, flow, options.along)
                 for warning in caught:
                     print(f"gfmdlayer: {label}{': ' * bool(label)}{warning.message}", file=sys.stderr)
-                if i > 0:
-                    continue
-                if written:
+                if i == 0 and written:
                     with unfinished(written, ".h5") as part:
                         flow.to_netcdf(part, engine="h5netcdf")
                     print(written)
-                if "fluid_pressure" in flow:
+                if i == 0 and "fluid_pressure" in flow and not options.plot:
                     save(flow_figure(flow, title, style), picture, style)
                     print(picture)
+    if options.plot:
+        save(leak_figure(flows, style), picture, style)
+        print(picture)
     return COMPLETE
 
 
+def _no_curve(drops: list[float], case: Dataset) -> str:
+    """Say why there is no curve of the leak, or nothing."""
+    if not drops:
+        return "--plot: a curve of the leak needs --viscosity and --pressure-drop"
+    if len(drops) == 1 and case.sizes["snapshot"] == 1:
+        return (
+            "--plot: one snapshot and one drop make no curve; give several times of --pressure-drop, or run "
+            "with several output.snapshots"
+        )
+    return ""
+
+
 def _print(title: str, flow: Dataset, along: str) -> None:
-    """Print a line for each snapshot."""
+    """Print a line for each snapshot, and for each drop of the pressure."""
     columns: dict[str, Any] = {"time": flow["snapshot"]}
     columns |= {name: flow[name] for name in _WIDTHS if name in flow}
     columns["error"] = abs(flow[f"flow_error_{along}"])
@@ -296,8 +324,10 @@ def _print(title: str, flow: Dataset, along: str) -> None:
     shown = {name: width for name, width in _WIDTHS.items() if name in columns}
     print("  ".join(f"{name:>{width}}" for name, width in shown.items()))
     print("  ".join(f"{_unit(columns, name):>{width}}" for name, width in shown.items()))
-    for i in range(flow.sizes["snapshot"]):
-        print("  ".join(f"{float(columns[name][i]):>{width}.4g}" for name, width in shown.items()))
+    for i, j in product(range(flow.sizes["snapshot"]), range(flow.sizes.get("pressure_drop", 1))):
+        place = {"snapshot": i, "pressure_drop": j}
+        row = {name: columns[name].isel(place, missing_dims="ignore") for name in shown}
+        print("  ".join(f"{float(row[name]):>{width}.4g}" for name, width in shown.items()))
 
 
 def _unit(columns: Mapping[str, Any], name: str) -> str:

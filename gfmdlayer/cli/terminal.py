@@ -99,7 +99,7 @@ def arguments(parser: argparse._ActionsContainer, described: str, **types: Any) 
 
 _TYPES: dict[str, Any] = {
     "N": int, "DIR": folder_name, "SECONDS": interval,
-    **dict.fromkeys(("NU", "G0", "T", "T0", "C1", "ETA", "P", "L", "W", "LENGTH"), float),
+    **dict.fromkeys(("NU", "G0", "T", "T0", "C1", "ETA", "P", "L", "W", "D", "LENGTH"), float),
 }  # fmt: skip
 
 

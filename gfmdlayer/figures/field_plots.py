@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -19,6 +19,7 @@ from gfmdlayer.figures.plot_style import (
     legend_above,
     line_style,
     new_figure,
+    spread,
     styled,
 )
 from gfmdlayer.figures.selection import warnings_of
@@ -196,6 +197,66 @@ def _draw_streams(axes: Axes, one: Dataset) -> None:
         color="white", linewidth=width, density=1.6, arrowsize=0.6, broken_streamlines=True,
     )  # fmt: skip
     axes.set(xlim=(x[0], x[-1]), ylim=(y[0], y[-1]))
+
+
+_MOST_LEAKS = 6  # curves of a panel
+_DECADE = 10.0
+
+
+def leak_figure(flows: Mapping[str, Dataset], style: Style = PAPER, notes: Sequence[str] = ()) -> Figure:
+    """Draw the leak rates of `gfmdlayer.leakage`, by the titles of their cases, over time and over pressure.
+
+    A band is the interval of doubt; a dotted curve is the leak if the fluid did not lift the surface.
+    """
+    along = [name for name in ("snapshot", "pressure_drop") if _most(flows, name) > 1]
+    if not along or not all("leak_rate" in flow for flow in flows.values()):
+        message = "needs leak rates, and several snapshots or several drops of pressure"
+        raise ResultsError(f"a curve of the leak {message}")
+    first, said = next(iter(flows.values())), [*notes]
+    with styled(style):
+        figure = new_figure(2 if len(along) > 1 else 1, 62.0, style)
+        for axes, name in zip(figure.subplots(1, len(along), squeeze=False)[0], along, strict=True):
+            said += _draw_leaks(axes, flows, name)
+            name_axes(axes, quantity(first[name], first.attrs), quantity(first["leak_rate"], first.attrs))
+        one_way = "leak_rate_one_way" in first
+        said.append("band: interval of doubt" + (", dotted: if the fluid did not lift the surface" * one_way))
+        if not one_way:
+            said.append("one way: the fluid does not lift the surface")
+        finish(figure, [*said, *dict.fromkeys(each for flow in flows.values() for each in warnings_of(flow))])
+    return figure
+
+
+def _most(flows: Mapping[str, Dataset], name: str) -> int:
+    return max(flow.sizes.get(name, 1) for flow in flows.values())
+
+
+def _draw_leaks(axes: Axes, flows: Mapping[str, Dataset], along: str) -> list[str]:
+    """Draw the leak over time or pressure, a curve for each value of the other, and return notes."""
+    curves = []
+    for title, flow in flows.items():
+        others = [str(name) for name in flow["leak_rate"].dims if name != along]
+        for place in np.ndindex(*(flow.sizes[name] for name in others)):
+            one = flow.isel(dict(zip(others, place, strict=True)))
+            values = [quantity(one[name], one.attrs).equals([float(one[name])])[0] for name in others]
+            curves.append((", ".join(filter(None, [title, *values])), one))
+    chosen = [curves[i] for i in spread(len(curves), _MOST_LEAKS)]
+    for i, ((title, one), colour) in enumerate(zip(chosen, colours(len(chosen)), strict=True)):
+        x = one[along].to_numpy() / quantity(one[along], one.attrs).scale
+        drawn = {name: one[name].to_numpy() for name in one.data_vars if str(name).startswith("leak_rate")}
+        axes.fill_between(x, drawn["leak_rate_low"], drawn["leak_rate_high"], color=colour, alpha=0.25, lw=0)
+        axes.plot(x, drawn["leak_rate"], color=colour, linestyle=line_style(i), marker=".", label=title)
+        if "leak_rate_one_way" in drawn:
+            axes.plot(x, drawn["leak_rate_one_way"], color=colour, linestyle=":")
+    abscissa = np.concatenate([one[along].to_numpy() for _, one in chosen])
+    for axis, values in (("x", abscissa), ("y", np.concatenate([one["leak_rate"] for _, one in chosen]))):
+        positive = values[np.isfinite(values) & (values > 0)]
+        if positive.size and positive.max() > _DECADE * positive.min():
+            axes.set(**{f"{axis}scale": "log"})
+    if axes.get_yscale() == "linear":
+        axes.set_ylim(bottom=0.0)
+    if len(curves) > 1:
+        axes.legend()
+    return [f"{len(chosen)} of {len(curves)} curves"] * (len(chosen) < len(curves))
 
 
 # Stresses below the surface: sections with contours, and maps of the stresses at the interfaces.

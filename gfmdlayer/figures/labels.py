@@ -50,6 +50,8 @@ PAPER_SYMBOLS = {column.name: column.symbol for column in _COLUMNS if column.sym
     "loop_work": r"\int\,F\,\mathrm{d}\delta",
     "largest_shear": r"\tau_\mathrm{max}",
     "shear_on_plane": r"\tau_z",
+    "leak_rate": "Q",
+    "pressure_drop": r"\Delta P",
 }
 # Words on an axis, where the first part of the meaning is too long for it, or is no name.
 WORDS = {
@@ -72,6 +74,10 @@ WORDS = {
     "friction": "friction coefficient",
     "interface_friction": "friction of the interface",
     "hysteresis_friction": "friction by hysteresis",
+    "friction_body": "friction by the body",
+    "friction_counterbody": "friction by the counterbody",
+    "leak_rate": "leak rate",
+    "pressure_drop": "pressure drop",
     "shift_factor": "shift factor",
     "flow_bruggeman": "flow by Bruggeman's medium",
     "flow_xx": "flow along x",

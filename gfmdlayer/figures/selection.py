@@ -325,7 +325,16 @@ def varying(dataset: Dataset, names: Sequence[str]) -> tuple[list[str], list[str
         return list(names), []
     held = {name: quantity(dataset[name], dataset.attrs) for name in same}
     said = [each.equals([float(f"{ends[name][1] / each.scale:.6g}")])[0] for name, each in held.items()]
-    return [name for name in names if name not in same], [f"constant: {', '.join(said)}"] * bool(said)
+    left = [name for name in names if name not in same]
+    left = [name for name in left if not _is_swept(dataset, name)] or left  # the legend has it
+    return left, [f"constant: {', '.join(said)}"] * bool(said)
+
+
+def _is_swept(dataset: Dataset, name: str) -> bool:
+    """Whether a column only repeats a swept number, as a temperature that does not change within a case."""
+    column, keys = dataset[name], (key for key in swept(dataset) if key.dtype.kind in "if")
+    same = (abs(column - key) <= SAME_VALUE * abs(key) for key in keys)
+    return any(bool(each.where(column.notnull(), True).all()) for each in same)
 
 
 def at_time(dataset: Dataset, name: str, time: Time | None) -> tuple[DataArray, str]:

@@ -236,7 +236,11 @@ _NAMES = "body", "counterbody"
 
 
 class Bodies(Observable):
-    """Stored and dissipated energy of each of two deformable bodies; the balance has their sums."""
+    """Stored and dissipated energy of each of two deformable bodies, and the friction by the loss of each.
+
+    The balance has the sums of the energies. In a steady state the parts of the friction add up to that of
+    the motion, without the heat of slip; before, a part may be that of a body which still takes up energy.
+    """
 
     COLUMNS = declared("""
         stored_body | elastic energy stored in the body, per area | pressure length | from the body at rest
@@ -247,17 +251,40 @@ class Bodies(Observable):
         dissipated_counterbody | energy dissipated in the counterbody, per area | pressure length |
           from the beginning of the run
         """)
+    LOSS = declared(r"""
+        friction_body | friction by the loss of the body: its heat per distance / normal force | 1 |
+          over the last step | \mu_\mathrm{body}
+        friction_counterbody | friction by the loss of the counterbody: its heat per distance / normal force |
+          1 | over the last step; the distance is that along the body | \mu_\mathrm{counterbody}
+        """)
+    KEPT = "position", "dissipated"
 
     @classmethod
     def columns(cls, config: Config) -> tuple[Column, ...] | None:
-        """Return the columns of a case with a deformable counterbody."""
-        return cls.COLUMNS if config.two_bodies else None
+        """Return the columns of a case with a deformable counterbody, with the losses where it moves."""
+        if not config.two_bodies:
+            return None
+        marches = config.trajectory.moves and not config.time.at_once
+        return cls.COLUMNS + cls.LOSS if marches else cls.COLUMNS
+
+    def __init__(self, case: Observed) -> None:
+        self._moves = self.columns(case.config) != self.COLUMNS
+        self._position, self._dissipated = math.nan, [0.0, 0.0]  # of the last row
 
     def measure(self, step: Step) -> Mapping[str, float]:
-        """Return the energies."""
+        """Return the energies, and the losses over the way since the last row."""
         own = [*zip(_NAMES, step.bodies, strict=True)]
-        stored = {f"stored_{name}": body.stored for name, body in own}
-        return stored | {f"dissipated_{name}": body.dissipated for name, body in own}
+        row = {f"stored_{name}": body.stored for name, body in own}
+        row |= {f"dissipated_{name}": body.dissipated for name, body in own}
+        if not self._moves:
+            return row
+        position, mean = float(step.row["position"]), step.mean_pressure
+        way = position - self._position
+        for i, (name, body) in enumerate(own):
+            lost = body.dissipated - self._dissipated[i]
+            row[f"friction_{name}"] = lost / (way * mean) if way and mean else math.nan
+        self._position, self._dissipated = position, [body.dissipated for _, body in own]
+        return row
 
 
 def _tangential(step: Step, spin: float) -> tuple[Point, ...]:

@@ -16,7 +16,16 @@ A line has closed forms: K_xx = 1/mean(g^-3) across the ridges, 0 with any conta
 them.
 
 Valid for small slopes, an incompressible fluid, a gap wide against molecules, a Reynolds number times the
-slope below 1, and one way only: the fluid does not lift the surface.
+slope below 1. K is one way: of a gap that the fluid has not lifted.
+
+A seal of many cells, under the nominal pressure p0, has the fluid pressure P that falls along it from the
+drop D to 0. A uniform P presses the surface everywhere and does not deform it beyond a mean displacement: a
+cell is in contact as under the load p0 - P. The flow through all cells is the same, K(p0 - P) dP/dx, so that
+
+    12 eta q length = integral of K(p0 - P) over P from 0 to D      (`mean_under_fluid`)
+
+solves the coupled problem without an iteration along the seal. It leaves out that P differs from its mean
+within a cell, by about D over the number of cells along the seal.
 """
 
 from __future__ import annotations
@@ -175,6 +184,26 @@ def _by_multigrid(matrix: Any, sources: Sequence[FloatArray]) -> Iterator[FloatA
                 f"the flow was not found in {_MOST_ITERATIONS} iterations; take fewer points"
             )
         yield np.asarray(solution)
+
+
+def mean_under_fluid(levels: FloatArray, K: FloatArray, drops: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the means of K(p0 - P) over P from 0 to each drop, and their differences to twice the spacing.
+
+    `levels` are P, an odd number of them, even from 0 to at least the largest drop; K falls with the load,
+    nearly exponentially: its logarithm is interpolated, or K itself where it has zeros.
+    """
+    from scipy.interpolate import PchipInterpolator
+
+    fine = np.linspace(0.0, levels[-1], 32 * (levels.size - 1) + 1)
+    means = []
+    for part in (slice(None), slice(None, None, 2)):
+        if K[part].min() > 0:
+            values = np.exp(PchipInterpolator(levels[part], np.log(K[part]))(fine))
+        else:
+            values = PchipInterpolator(levels[part], K[part])(fine)
+        integral = PchipInterpolator(fine, values).antiderivative()
+        means.append(integral(drops) / drops)
+    return means[0], np.abs(means[1] - means[0])
 
 
 def bruggeman(gap: FloatArray) -> float:
