@@ -403,7 +403,13 @@ class Config(Section):
         return self.solver_where(bool(self.interfaces))
 
     def solver_where(self, attracts: bool) -> Choice:
-        """The solver where the interface attracts, or does not."""
+        """The solver where the interface attracts, or does not.
+
+        Parameters
+        ----------
+        attracts : bool
+            Whether the interface attracts at the time.
+        """
         if self.friction:
             return Choice("friction", "one Newton method for pressure and shear traction")
         axes, rough = len(self.grid.points), self.punch.rough
@@ -439,11 +445,23 @@ class Config(Section):
         return len(self.grid.points) == 1 and self.geometry.on_grid
 
     def unit(self, words: str) -> str:
-        """Return the label of a unit from its dimension in words, see `unit_label`."""
+        """Return the label of a unit from its dimension in words, see `unit_label`.
+
+        Parameters
+        ----------
+        words : str
+            Dimension, such as pressure or length / time.
+        """
         return unit_label(words, self.units, self.trajectory.control, is_line=self.forces_per_length)
 
     def with_values(self, values: Mapping[str, object]) -> Config:
-        """Return the case in which the dotted keys have these values; it has no sweep."""
+        """Return the case in which the dotted keys have these values; it has no sweep.
+
+        Parameters
+        ----------
+        values : mapping of str to object
+            Values by dotted keys, such as layer.thickness.
+        """
         if not values and not self.sweep:
             return self
         values = plain(values)

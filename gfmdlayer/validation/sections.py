@@ -181,7 +181,15 @@ class Section(BaseModel, metaclass=_Shown):
 
     @classmethod
     def all_problems(cls, data: dict[str, Any], error: ValidationError) -> list[Mistake]:  # noqa: ARG003
-        """Return the errors that pydantic found in plain data, as problems."""
+        """Return the errors that pydantic found in plain data, as problems.
+
+        Parameters
+        ----------
+        data : dict
+            Plain data of this section.
+        error : ValidationError
+            What pydantic found in them.
+        """
         return explained(error, cls, cls.fields())
 
     def problems(self) -> Iterator[Mistake]:
