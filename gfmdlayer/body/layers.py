@@ -417,6 +417,7 @@ def bonded_layer(
     Returns
     -------
     ViscoelasticLayer
+        A body for all functions that take one.
 
     Raises
     ------
@@ -467,6 +468,7 @@ def halfspace(
     Returns
     -------
     ViscoelasticLayer
+        A body for all functions that take one.
 
     Raises
     ------

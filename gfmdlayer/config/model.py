@@ -167,18 +167,8 @@ Name = Annotated[
 class Config(Section):
     """A whole configuration; every key but `name` has a default, the paper's own value.
 
-    Attributes
-    ----------
-    name : str
-        Names the folder of the results.
-    units : Units, optional
-        Labels of the numbers, into which columns of files with units are converted; without them lengths are
-        in L, moduli in G0 and times in tau, or in any units.
-    grid, body, layer, layers, halfspace, counterbody, punch, trajectory, time, solver, output : Section
-        See their classes.
-    sweep : dict
-        Dotted key -> its values, and lists of combinations; see `gfmdlayer.config.sweeps`. A configuration
-        with a sweep is sound when its cases are: its own value of a swept key is not run.
+    Without `units` lengths are in L, moduli in G0 and times in tau, or in any units. A configuration with a
+    sweep is sound when its cases are: its own value of a swept key is not run.
 
     Examples
     --------

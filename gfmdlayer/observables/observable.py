@@ -63,19 +63,36 @@ class Places(Bins):
 class Column:
     """One column of the rows, a number for each accepted step or for each bin; or a field of a snapshot.
 
+    Parameters
+    ----------
+    name : str
+        Name of the variable in the files.
+    long_name : str
+        Its meaning.
+    units : str, default "1"
+        Dimension in words, such as pressure; "1" of dimensionless quantities.
+    dtype : str, default "f8"
+        Type of the numbers in the files, as numpy names it.
+    along : Bins, optional
+        Bins of a distribution, or `Places`; a number without them.
+    symbol : str, optional
+        In mathtext, of the figures.
+    origin : str, optional
+        From where, or over what, it is measured; for the reference.
+
     Examples
     --------
     >>> gfmdlayer.Column("highest", "largest pressure", "pressure").described
     {'long_name': 'largest pressure', 'units': 'pressure'}
     """
 
-    name: str  # in the files
-    long_name: str  # its meaning
-    units: str = "1"  # in words, see `results.names`; "1" for dimensionless quantities
-    dtype: str = "f8"  # in the files, as numpy names it
-    along: Bins | None = None  # bins of a distribution, or `Places`; a number without them
-    symbol: str = ""  # in mathtext, of the figures
-    origin: str = ""  # from where, or over what, it is measured; for the reference
+    name: str
+    long_name: str
+    units: str = "1"
+    dtype: str = "f8"
+    along: Bins | None = None
+    symbol: str = ""
+    origin: str = ""
 
     @property
     def size(self) -> int:
