@@ -36,7 +36,13 @@ class Saving:
         return {name.replace(".", "_"): value for name, value in kept.items() if value is not None}
 
     def restore(self, state: State) -> None:
-        """Continue from the state of an object made in the same way; arrays change in place."""
+        """Continue from the state of an object made in the same way; arrays change in place.
+
+        Parameters
+        ----------
+        state : mapping of str to array
+            What `state` returned.
+        """
         import numpy as np
 
         for name in self.KEPT:

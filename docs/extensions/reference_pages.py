@@ -58,6 +58,7 @@ _HISTOGRAMS = {"pressure": {"max": 1.0}, "gap": {"max": 1.0}}
 def setup(app: Sphinx) -> dict[str, bool]:
     """Write the pages before the sources are read."""
     app.connect("config-inited", _write_pages)  # before Sphinx looks for sources
+    app.connect("autodoc-process-docstring", _with_inherited_table, priority=100)  # before numpydoc reads it
     app.connect("autodoc-process-docstring", _keep_bars)
     return {"parallel_read_safe": True}
 
@@ -75,6 +76,20 @@ def _write_pages(app: Sphinx, _settings: Settings) -> None:
         text, path = "\n".join(lines) + "\n", folder / name
         if not path.exists() or path.read_text(encoding="utf-8") != text:  # an equal page is not read again
             path.write_text(text, encoding="utf-8")
+
+
+def _with_inherited_table(_app: Sphinx, what: str, name: str, *documented: Any) -> None:
+    """Give a method without a table of its arguments the one of the method that it overrides."""
+    lines: list[str] = documented[-1]
+    if what != "method" or "Parameters" in lines:
+        return
+    owner, _, method = name.rpartition(".")
+    found = getattr(gfmdlayer, owner.removeprefix("gfmdlayer."), None)
+    for base in found.__mro__[1:] if inspect.isclass(found) else ():
+        words = inspect.cleandoc(getattr(vars(base).get(method), "__doc__", None) or "")
+        if (begin := words.find("Parameters\n---")) >= 0:
+            lines += ["", *words[begin:].splitlines(), ""]
+            return
 
 
 def _keep_bars(_app: Sphinx, *documented: Any) -> None:

@@ -136,7 +136,20 @@ class LayeredHalfspace:
         return self._stiffness(q, G, self._coefficients(np.where(q > 0, q, 1.0)))
 
     def layer_factor(self, q: ArrayLike, G: ArrayLike) -> NDArray[Any]:
-        """S(q) of Eq. (11), q > 0: compliance relative to a halfspace of the layer's material."""
+        """S(q) of Eq. (11), q > 0: compliance relative to a halfspace of the layer's material.
+
+        Parameters
+        ----------
+        q : array_like
+            Wavenumbers q > 0: 1/length.
+        G : array_like
+            Modulus of the layer, real or complex; broadcast against q.
+
+        Returns
+        -------
+        ndarray
+            S(q) in the broadcast shape, dimensionless.
+        """
         q, G = np.asarray(q, dtype=float), np.asarray(G)
         N, D = self._numerator_and_denominator(q, G, self._coefficients(q))
         return np.asarray(D / N)
@@ -154,7 +167,13 @@ class LayeredHalfspace:
         return 2 * (1 - self.poisson) / ((1 - 2 * self.poisson) * self.thickness)
 
     def quadratics(self, q: ArrayLike) -> Quadratics:
-        """Coefficients of the quadratics N and D for wavenumbers q > 0, each of shape ``(3, *q.shape)``."""
+        """Coefficients of the quadratics N and D for wavenumbers q > 0, each of shape ``(3, *q.shape)``.
+
+        Parameters
+        ----------
+        q : array_like
+            Wavenumbers q > 0: 1/length.
+        """
         x = self.depths(q)
         N, D = np.empty((3, *x.shape)), np.empty((3, *x.shape))
         e = 1 + 2 * (1 - 2 * self.poisson)
@@ -163,7 +182,18 @@ class LayeredHalfspace:
         return Quadratics(N, D)
 
     def depths(self, q: ArrayLike) -> FloatArray:
-        """Thickness x = q d in units of 1/q, limited where thicker layers are equal in double precision."""
+        """Thickness x = q d in units of 1/q, limited where thicker layers are equal in double precision.
+
+        Parameters
+        ----------
+        q : array_like
+            Wavenumbers, not negative: 1/length.
+
+        Returns
+        -------
+        ndarray
+            q d in the shape of q, dimensionless, at most `HALFSPACE_DEPTH`.
+        """
         q = np.asarray(q, dtype=float)
         if math.isinf(self.thickness):
             return np.full(q.shape, HALFSPACE_DEPTH)

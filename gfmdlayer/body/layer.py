@@ -188,7 +188,13 @@ class Layer(Section):
         return self.with_law(self.material.in_shear(self.poisson))
 
     def with_law(self, law: Law) -> Layer:
-        """Return the layer of another law."""
+        """Return the layer of another law.
+
+        Parameters
+        ----------
+        law : Law
+            Shear response of the layer.
+        """
         return self if law is self.material else self.model_copy(update={"material": law})
 
     @property
@@ -265,5 +271,11 @@ class Halfspace(Section):
         return self.model_copy(update={"shear_modulus": shear_modulus(self._moduli, self.poisson)} | others)
 
     def with_law(self, law: Law) -> Halfspace:
-        """Return the halfspace of another law."""
+        """Return the halfspace of another law.
+
+        Parameters
+        ----------
+        law : Law
+            Shear response of the halfspace.
+        """
         return self if law is self.material else self.model_copy(update={"material": law})

@@ -186,7 +186,13 @@ class Layers(Solid):
         return above | {"halfspace": self._base.model_dump(exclude_none=True)}
 
     def model_dump(self, **options: Any) -> dict[str, Any]:
-        """Return the keys below `body`; ConfigError for layers made in Python, whose keys stand beside it."""
+        """Return the keys below `body`; ConfigError for layers made in Python, whose keys stand beside it.
+
+        Parameters
+        ----------
+        **options
+            Those of `pydantic.BaseModel.model_dump`.
+        """
         if self._above:
             name = type(self).__name__
             message = "must be the keys layer, or layers, and halfspace here"
@@ -224,19 +230,37 @@ class Layers(Solid):
         return stack.spectrum(self, waves)
 
     def traction_spectrum(self, waves: Wavevectors | ArrayLike) -> TractionSpectrum:
-        """Return the relaxing modes under tractions in all directions, see `stack.traction_spectrum`."""
+        """Return the relaxing modes under tractions in all directions, see `stack.traction_spectrum`.
+
+        Parameters
+        ----------
+        waves : Wavevectors or array_like
+            Wavevectors of any shape, or their magnitudes (1/length), which mean waves along x.
+        """
         from gfmdlayer.body import stack
 
         return stack.traction_spectrum(self, waves)
 
     def network(self, q: ArrayLike) -> Network:
-        """Return the network of springs and dashpots at the wavenumbers q, shape (nq,)."""
+        """Return the network of springs and dashpots at the wavenumbers q, shape (nq,).
+
+        Parameters
+        ----------
+        q : array_like, shape (nq,)
+            Wavenumbers: 1/length.
+        """
         from gfmdlayer.body import stack
 
         return stack.network_of(self, q)
 
     def internal_variables(self, waves: Wavevectors | ArrayLike) -> InternalVariables:
-        """Return the internal variables of layers with reduced times of their own."""
+        """Return the internal variables of layers with reduced times of their own.
+
+        Parameters
+        ----------
+        waves : Wavevectors or array_like
+            Wavevectors of any shape, or their magnitudes (1/length), which mean waves along x.
+        """
         from gfmdlayer.body import stack
 
         return stack.internal_variables(self, waves)
@@ -393,6 +417,7 @@ def bonded_layer(
     Returns
     -------
     ViscoelasticLayer
+        A body for all functions that take one.
 
     Raises
     ------
@@ -443,6 +468,7 @@ def halfspace(
     Returns
     -------
     ViscoelasticLayer
+        A body for all functions that take one.
 
     Raises
     ------

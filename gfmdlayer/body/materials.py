@@ -121,13 +121,25 @@ class Law(Kind):
         return self._units
 
     def measured_in(self, stress: str, time: str) -> Self:
-        """Return the law, whose moduli and times have these units."""
+        """Return the law, whose moduli and times have these units.
+
+        Parameters
+        ----------
+        stress, time : str
+            Units of moduli and of times, such as MPa and ms.
+        """
         law = self.model_copy()
         law._units = stress, time
         return law
 
     def in_units(self, stress: str, time: str) -> Self:
-        """Return a law from a file with moduli and times in these units."""
+        """Return a law from a file with moduli and times in these units.
+
+        Parameters
+        ----------
+        stress, time : str
+            Units of moduli and of times, such as MPa and ms.
+        """
         from gfmdlayer.files.units import unit_of
 
         own, other = (
@@ -139,23 +151,49 @@ class Law(Kind):
         return law
 
     def in_shear(self, poisson: float) -> Law:
-        """Return the law with shear moduli, which follow from those of another kind by Poisson's ratio."""
+        """Return the law with shear moduli, which follow from those of another kind by Poisson's ratio.
+
+        Parameters
+        ----------
+        poisson : float
+            Poisson's ratio of the material, > -1 and <= 0.5.
+        """
         if self.moduli is None:
             return self
         law = self.scaled(IN_SHEAR[self.moduli](poisson))
         return law.model_copy(update={"moduli": None})
 
     def moduli_at(self, poisson: float) -> Iterator[Mistake]:
-        """Yield why the shear moduli do not follow from the given ones at a Poisson's ratio."""
+        """Yield why the shear moduli do not follow from the given ones at a Poisson's ratio.
+
+        Parameters
+        ----------
+        poisson : float
+            Poisson's ratio of the material, > -1 and <= 0.5.
+        """
         if self.moduli == "bulk" and poisson == 0.5:
             yield Mistake(("moduli",), incompressible("a bulk modulus"), ("poisson",))
 
     def scaled(self, modulus: float, time: float = 1.0) -> Self:
-        """Return the law with moduli and times multiplied by factors."""
+        """Return the law with moduli and times multiplied by factors.
+
+        Parameters
+        ----------
+        modulus : float
+            Factor of the moduli.
+        time : float
+            Factor of the times, 1 by default.
+        """
         return self._with(lambda value: value * modulus, lambda value: value * time)
 
     def written_in(self, stress: str, time: str) -> Self:
-        """Return the law whose moduli and times keep their units: configurations in others convert them."""
+        """Return the law whose moduli and times keep their units: configurations in others convert them.
+
+        Parameters
+        ----------
+        stress, time : str
+            Units of moduli and of times, such as MPa and ms.
+        """
         return self._with(
             lambda value: Written(value, f"{value!r} {stress}"),
             lambda value: Written(value, f"{value!r} {time}"),
@@ -192,29 +230,86 @@ class Law(Kind):
 
     @abstractmethod
     def relaxation_modulus(self, t: ArrayLike) -> FloatArray:
-        """Stress after a unit step of strain, over two: G(t), for t >= 0, in the shape of t."""
+        """Stress after a unit step of strain, over two: G(t), for t >= 0, in the shape of t.
+
+        Parameters
+        ----------
+        t : array_like
+            Times t >= 0 since the step: time.
+
+        Returns
+        -------
+        ndarray
+            G(t) in the shape of t: pressure.
+        """
 
     @abstractmethod
     def creep_compliance(self, t: ArrayLike) -> FloatArray:
-        """Strain after a unit step of stress, times two: J(t), for t > 0, in the shape of t."""
+        """Strain after a unit step of stress, times two: J(t), for t > 0, in the shape of t.
+
+        Parameters
+        ----------
+        t : array_like
+            Times t > 0 since the step: time.
+
+        Returns
+        -------
+        ndarray
+            J(t) in the shape of t: 1/pressure.
+        """
 
     @abstractmethod
     def laplace(self, s: ArrayLike) -> NDArray[Any]:
-        """Modulus G(s) at the Laplace variable s, real or complex with Re s >= 0, in the shape of s."""
+        """Modulus G(s) at the Laplace variable s, real or complex with Re s >= 0, in the shape of s.
+
+        Parameters
+        ----------
+        s : array_like
+            Laplace variable, Re s >= 0: 1/time.
+
+        Returns
+        -------
+        ndarray
+            G(s) in the shape of s, real or complex as s is: pressure.
+        """
 
     @abstractmethod
     def prony(self, shortest: float, longest: float, tolerance: float | None = None) -> PronySeries:
         """Return Maxwell branches that respond like this law over a range of times and of 1/omega.
 
         `tolerance` is the largest relative error of G(t) and of G(omega) there; by default that of the law.
+
+        Parameters
+        ----------
+        shortest, longest : float
+            Range of times over which the series responds like the law: time.
+        tolerance : float, optional
+            Largest relative error; by default that of the law.
         """
 
     @abstractmethod
     def roughly(self, longest: float) -> tuple[float, tuple[tuple[float, float], ...]]:
-        """Return a relaxed modulus and branches (G_k, tau_k) that estimate the cost of a run up to a time."""
+        """Return a relaxed modulus and branches (G_k, tau_k) that estimate the cost of a run up to a time.
+
+        Parameters
+        ----------
+        longest : float
+            Duration of the run: time.
+        """
 
     def complex_modulus(self, omega: ArrayLike) -> ComplexArray:
-        """Storage plus i times loss modulus, G(omega) of Eq. (4), in the shape of the angular frequency."""
+        """Storage plus i times loss modulus, G(omega) of Eq. (4), in the shape of the angular frequency.
+
+        Parameters
+        ----------
+        omega : array_like
+            Angular frequency: 1/time.
+
+        Returns
+        -------
+        ndarray
+            Complex modulus in the shape of `omega`: pressure.
+        """
         import numpy as np
 
         return self.laplace(1j * np.asarray(omega, dtype=float))

@@ -93,7 +93,20 @@ class Pair(Solid):
         return in_series(self.first.spectrum(waves), self.second.spectrum(waves))
 
     def part_of_second(self, waves: Wavevectors | ArrayLike, *, glassy: bool = False) -> FloatArray:
-        """Return the part of the second body in the displacement of an elastic contact, relaxed or glassy."""
+        """Return the part of the second body in the displacement of an elastic contact, relaxed or glassy.
+
+        Parameters
+        ----------
+        waves : Wavevectors or array_like
+            Wavevectors of any shape, or their magnitudes (1/length), which mean waves along x.
+        glassy : bool
+            Whether of sudden contact; by default of a relaxed one.
+
+        Returns
+        -------
+        ndarray
+            From 0 to 1, in the shape of the waves.
+        """
         import numpy as np
 
         spectra = (body.spectrum(waves) for body in self._bodies)

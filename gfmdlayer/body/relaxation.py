@@ -106,12 +106,33 @@ class Spectrum:
         """K(q, s) at the Laplace variable s, real or complex, broadcast against q.
 
         Summed from K_0 upwards, which loses no digits for Re s >= 0, however large K_inf/K_0 is.
+
+        Parameters
+        ----------
+        s : array_like
+            Laplace variable, real or complex: 1/time.
+
+        Returns
+        -------
+        ndarray
+            Stress per displacement, in the broadcast shape.
         """
         cycles = np.asarray(s) * self.times
         return np.asarray(self.relaxed + (self.weights * (cycles / (1 + cycles))).sum(axis=0))
 
     def modes_at(self, i: int) -> tuple[list[float], list[float]]:
-        """Return weights and times of the modes at one wave."""
+        """Return weights and times of the modes at one wave.
+
+        Parameters
+        ----------
+        i : int
+            Number of the wave.
+
+        Returns
+        -------
+        weights, times : list of float
+            Of the modes whose weight there is not zero: stress per displacement, time.
+        """
         some = self.weights[:, i] > 0
         return self.weights[some, i].tolist(), self.times[some, i].tolist()
 

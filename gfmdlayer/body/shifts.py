@@ -51,16 +51,34 @@ class Shift(Kind):
         """Limit of (T - pole) ln aT at low temperatures, in kelvin."""
 
     def logarithm(self, temperature: float) -> float:
-        """Return ln aT at a temperature above the pole."""
+        """Return ln aT at a temperature above the pole.
+
+        Parameters
+        ----------
+        temperature : float
+            Degrees Celsius.
+        """
         above, at_reference = temperature - self.pole, self.reference - self.pole
         return self.slope * (self.reference - temperature) / (above * at_reference)
 
     def factor(self, temperature: float) -> float:
-        """Return aT at a temperature that is not `refused`."""
+        """Return aT at a temperature that is not `refused`.
+
+        Parameters
+        ----------
+        temperature : float
+            Degrees Celsius.
+        """
         return math.exp(self.logarithm(temperature))
 
     def refused(self, temperature: float) -> str:
-        """Return why the law has no value at a temperature, or nothing."""
+        """Return why the law has no value at a temperature, or nothing.
+
+        Parameters
+        ----------
+        temperature : float
+            Degrees Celsius.
+        """
         if not temperature > self.pole:  # nor for NaN
             return (
                 f"got {temperature:g}, where the {self.law} law has no value; must be above {self.pole:g} "

@@ -89,7 +89,13 @@ class Solid(Kind):
     """word that chooses the body"""
 
     def in_units(self, units: Units | None) -> Solid:  # noqa: ARG002
-        """Return the body whose file, if it has one, is converted into the units of the configuration."""
+        """Return the body whose file, if it has one, is converted into the units of the configuration.
+
+        Parameters
+        ----------
+        units : Units or None
+            Units of the configuration; None where it has none.
+        """
         return self
 
     def account(self) -> str:
@@ -103,11 +109,35 @@ class Solid(Kind):
 
     @abstractmethod
     def stiffness(self, waves: Wavevectors | ArrayLike, s: ArrayLike) -> NDArray[Any]:
-        """Return K(q, s), stress per displacement, see `gfmdlayer.body.body.Body`."""
+        """Return K(q, s), stress per displacement, see `gfmdlayer.body.body.Body`.
+
+        Parameters
+        ----------
+        waves : Wavevectors or array_like
+            Wavevectors of any shape, or their magnitudes (1/length), which mean waves along x.
+        s : array_like
+            Laplace variable (1/time), real or complex with Re s >= 0; broadcast against the waves.
+
+        Returns
+        -------
+        ndarray
+            Stress per displacement, in the broadcast shape.
+        """
 
     @abstractmethod
     def spectrum(self, waves: Wavevectors | ArrayLike) -> Spectrum:
-        """Return the relaxing modes at the wavevectors, of any shape."""
+        """Return the relaxing modes at the wavevectors, of any shape.
+
+        Parameters
+        ----------
+        waves : Wavevectors or array_like
+            Wavevectors of any shape, or their magnitudes (1/length), which mean waves along x.
+
+        Returns
+        -------
+        Spectrum
+            Relaxed stiffness, weights and times at these waves.
+        """
 
     @property
     def laws(self) -> tuple[Law, ...]:
@@ -117,7 +147,12 @@ class Solid(Kind):
     def with_series(self, materials: Sequence[Material], accuracy: float) -> Body:  # noqa: ARG002
         """Return the body of a run, with a series in place of each of `laws`.
 
-        `accuracy` is the relative error of K(q, s) up to which relaxing modes may be merged.
+        Parameters
+        ----------
+        materials : sequence of Material
+            A series for each of `laws`, in their order.
+        accuracy : float
+            Relative error of K(q, s) up to which relaxing modes may be merged.
         """
         series = iter(materials)
         body: Any = replaced(self, lambda value: next(series) if isinstance(value, Law) else value)
@@ -137,6 +172,11 @@ class Solid(Kind):
         """Return the relaxation of each material up to a time, for the cost of a run.
 
         Without a law it is the relaxation of the stiffness at one wave.
+
+        Parameters
+        ----------
+        longest : float
+            Duration of the run: time.
         """
         if self.laws:
             return tuple(law.roughly(longest) for law in self.laws)
@@ -174,7 +214,15 @@ class Solid(Kind):
         return True
 
     def problems_on_grid(self, points: Sequence[int], period: Sequence[float]) -> Iterator[Mistake]:  # noqa: ARG002
-        """Yield why a periodic grid does not suit the body, at its own keys."""
+        """Yield why a periodic grid does not suit the body, at its own keys.
+
+        Parameters
+        ----------
+        points : tuple of int
+            Points along each axis.
+        period : tuple of float
+            Period along each axis: length.
+        """
         yield from ()
 
     def problems_isolated(self) -> Iterator[Mistake]:
@@ -194,7 +242,18 @@ class OneModulus(Solid):
 
     @abstractmethod
     def relaxed_stiffness(self, waves: Wavevectors) -> FloatArray:
-        """Return K(q, 0), positive but at q = 0."""
+        """Return K(q, 0), positive but at q = 0.
+
+        Parameters
+        ----------
+        waves : Wavevectors or array_like
+            Wavevectors of any shape, or their magnitudes (1/length), which mean waves along x.
+
+        Returns
+        -------
+        ndarray
+            Stress per displacement, real, in the shape of the waves.
+        """
 
     def stiffness(self, waves: Wavevectors | ArrayLike, s: ArrayLike) -> NDArray[Any]:
         """Return K(q, s)."""

@@ -39,7 +39,13 @@ class Wavevectors:
 
     @classmethod
     def of(cls, waves: Wavevectors | ArrayLike) -> Wavevectors:
-        """Return the waves; plain magnitudes mean waves along x."""
+        """Return the waves; plain magnitudes mean waves along x.
+
+        Parameters
+        ----------
+        waves : Wavevectors or array_like
+            Waves, or magnitudes q >= 0 of any shape: 1/length.
+        """
         if isinstance(waves, Wavevectors):
             return waves
         q = np.asarray(waves, dtype=float)
@@ -47,7 +53,13 @@ class Wavevectors:
 
     @classmethod
     def of_components(cls, qx: ArrayLike, qy: ArrayLike = 0.0) -> Wavevectors:
-        """Return the waves of components that broadcast together."""
+        """Return the waves of components that broadcast together.
+
+        Parameters
+        ----------
+        qx, qy : array_like
+            Components along x and y: 1/length; qy is 0 by default.
+        """
         x, y = np.asarray(qx, dtype=float), np.asarray(qy, dtype=float)
         magnitude = np.sqrt(np.square(x) + np.square(y))
         return cls(np.broadcast_to(x, magnitude.shape), np.broadcast_to(y, magnitude.shape), magnitude)

@@ -167,18 +167,8 @@ Name = Annotated[
 class Config(Section):
     """A whole configuration; every key but `name` has a default, the paper's own value.
 
-    Attributes
-    ----------
-    name : str
-        Names the folder of the results.
-    units : Units, optional
-        Labels of the numbers, into which columns of files with units are converted; without them lengths are
-        in L, moduli in G0 and times in tau, or in any units.
-    grid, body, layer, layers, halfspace, counterbody, punch, trajectory, time, solver, output : Section
-        See their classes.
-    sweep : dict
-        Dotted key -> its values, and lists of combinations; see `gfmdlayer.config.sweeps`. A configuration
-        with a sweep is sound when its cases are: its own value of a swept key is not run.
+    Without `units` lengths are in L, moduli in G0 and times in tau, or in any units. A configuration with a
+    sweep is sound when its cases are: its own value of a swept key is not run.
 
     Examples
     --------
@@ -403,7 +393,13 @@ class Config(Section):
         return self.solver_where(bool(self.interfaces))
 
     def solver_where(self, attracts: bool) -> Choice:
-        """The solver where the interface attracts, or does not."""
+        """The solver where the interface attracts, or does not.
+
+        Parameters
+        ----------
+        attracts : bool
+            Whether the interface attracts at the time.
+        """
         if self.friction:
             return Choice("friction", "one Newton method for pressure and shear traction")
         axes, rough = len(self.grid.points), self.punch.rough
@@ -439,11 +435,23 @@ class Config(Section):
         return len(self.grid.points) == 1 and self.geometry.on_grid
 
     def unit(self, words: str) -> str:
-        """Return the label of a unit from its dimension in words, see `unit_label`."""
+        """Return the label of a unit from its dimension in words, see `unit_label`.
+
+        Parameters
+        ----------
+        words : str
+            Dimension, such as pressure or length / time.
+        """
         return unit_label(words, self.units, self.trajectory.control, is_line=self.forces_per_length)
 
     def with_values(self, values: Mapping[str, object]) -> Config:
-        """Return the case in which the dotted keys have these values; it has no sweep."""
+        """Return the case in which the dotted keys have these values; it has no sweep.
+
+        Parameters
+        ----------
+        values : mapping of str to object
+            Values by dotted keys, such as layer.thickness.
+        """
         if not values and not self.sweep:
             return self
         values = plain(values)

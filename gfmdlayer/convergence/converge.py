@@ -127,7 +127,7 @@ def converge(
     trust: bool = False,
     **values: object,
 ) -> ErrorReport:
-    """ErrorOfValue how sure each number of a case is.
+    """Estimate how sure each number of a case is.
 
     One numerical choice at a time is varied: points, on coarser grids; time step or tolerance, tolerances of
     the solver and of laws, on half the points; the period of an isolated contact. All runs beside the case
@@ -143,8 +143,8 @@ def converge(
         Moments: end, peak (the largest magnitude), worst (the largest error at common times), or times.
     to : float
         Accuracy for which numerical choices are suggested, relative to the largest value of each column.
-    punch, history, progress, jobs, threads, trust, **values
-        As of `gfmdlayer.run`. The error of points is unknown for heights that are given for each point.
+    punch, history, progress, jobs, threads, trust, **values : as of `gfmdlayer.run`
+        The error of points is unknown for heights that are given for each point.
     out : path, optional
         Results folder: `convergence.h5` is written there, and a stopped run goes on.
     keep : bool

@@ -99,6 +99,7 @@ def curves_figure(
     Returns
     -------
     matplotlib.figure.Figure
+        The picture, which `savefig` writes.
 
     Raises
     ------

@@ -80,6 +80,7 @@ def map_figure(
     Returns
     -------
     matplotlib.figure.Figure
+        The picture, which `savefig` writes.
 
     Raises
     ------

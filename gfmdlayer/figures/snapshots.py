@@ -235,6 +235,7 @@ def snapshots_figure(
     Returns
     -------
     matplotlib.figure.Figure
+        The picture, which `savefig` writes.
     """
     from xarray import Dataset
 
@@ -568,6 +569,7 @@ def waterfall_figure(
     Returns
     -------
     matplotlib.figure.Figure
+        The picture, which `savefig` writes.
     """
     cut, more = part_of(section(case), case.sizes["snapshot"] if every else MOST_PROFILES)
     clock, seconds = snapshot_times(cut)

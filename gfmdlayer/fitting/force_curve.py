@@ -226,7 +226,15 @@ class ForceCurve:
         return any(segment.prescribed == BASE for segment in self.segments)
 
     def within(self, rows: slice, prescribed: str) -> FloatArray:
-        """Return how far straight pieces may be from the prescribed quantity in some rows, shape (rows,)."""
+        """Return how far straight pieces may be from the prescribed quantity in some rows, shape (rows,).
+
+        Parameters
+        ----------
+        rows : slice
+            Rows of one segment.
+        prescribed : str
+            Quantity that is prescribed there: depth, force or base.
+        """
         if prescribed == FORCE:
             return np.full(self.force[rows].shape, TOLERANCE * float(np.ptp(self.force)))
         begin, depth = self.indentation
@@ -272,7 +280,13 @@ class ForceCurve:
         return f"{' and '.join(missing)} guessed" if missing else ""
 
     def in_units(self, time: float, length: float, force: float) -> ForceCurve:
-        """Return the curve with each column multiplied by the size of its unit."""
+        """Return the curve with each column multiplied by the size of its unit.
+
+        Parameters
+        ----------
+        time, length, force : float
+            Size of the unit of each column, in the new units.
+        """
 
         def times(value: float | None, factor: float) -> float | None:
             return None if value is None else value * factor

@@ -104,16 +104,43 @@ def fit_indentation(
         Decimal mark of text files, "." or ",", where they leave it open.
     columns : sequence of str, optional
         Names of the columns of text files in place of their headings; "-" is not read.
-    loss, profile, contact, segments, prescribed, stiffness, stiffness_error, adhesion, sensitivity, sampling
-        See `FitOptions`.
-    baseline, weight, range
-        Steps before the fit, and rows that count, see `FitOptions`.
+    loss : str
+        linear (default); or soft_l1, huber, cauchy, which give outliers less weight.
+    profile : bool
+        Whether profile intervals are found too; three to eleven times the time; off by default.
+    contact : str
+        given (default): depths count from the surface. detect: each curve has a free contact point and a free
+        offset of the force, which start where the force begins to rise. Other words name estimators of the
+        contact point: depths count from it, unless contact_point is free; then the fit starts there.
+    segments : str or sequence of str
+        Names of the segments whose rows count, such as ("approach", "hold"); all by default.
+    prescribed : str, optional
+        What the instrument prescribes: depth, force or base; by default as the curves say, or guessed.
+    stiffness, stiffness_error : float, optional
+        Of curves without it: stiffness of the cantilever, force over length in the units of the model, and
+        its relative standard error. With an error it is fitted too.
+    adhesion : str, optional
+        none, jkr or dmt, whose work or force is then free; or choose, the best by BIC. By default the
+        model's.
+    sensitivity, sampling : float, optional
+        Of files without them: the deflection of the cantilever per volt, length/volt, and the rows in a unit
+        of time.
+    baseline : str
+        Subtracted before the fit: none (default); offset, the mean force of the rows before contact; or tilt,
+        their straight line over the position.
+    weight : float, optional
+        Residuals count by the distance from the contact point over this length, up to 1; by default all
+        alike.
+    range : tuple of float, optional
+        Lowest and highest depth of the rows that count, length, relative to the contact point; by default
+        all.
     joint : bool
         Whether one model is fitted to all curves of a map; `fit_map` fits each by itself.
 
     Returns
     -------
     IndentationFit
+        Parameters with their intervals, curves and warnings; printed, it is a table.
 
     Raises
     ------

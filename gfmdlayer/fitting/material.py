@@ -233,9 +233,14 @@ def fit_material(
         Poisson's ratio, for moduli and compliances in tension; 1/2 by default.
     modulus : str, optional
         G or E, for moduli that do not say it.
-    units, decimal, columns, table
-        Units by the names of columns without a unit, decimal mark, names in place of the headings, and number
-        of the table, where a file leaves them open.
+    units : mapping of str to str, optional
+        Units of columns without one, by their names.
+    decimal : str, optional
+        Decimal mark, "." or ",", where a file leaves it open.
+    columns : sequence of str, optional
+        Names of the columns in place of their headings.
+    table : int, optional
+        Number of the table, counted from 1, of a file with several.
     shift : str or Shift
         Of several temperatures: wlf or arrhenius, whose constants are fitted; free, a factor for each; or a
         law that is held, such as ``WLF(C1=17.4, C2=51.6, reference=20)``.
@@ -249,6 +254,7 @@ def fit_material(
     Returns
     -------
     MaterialFit
+        The law, its errors and its curves; printed, it is a table.
 
     Raises
     ------

@@ -137,12 +137,12 @@ def fit_map(
 
     Parameters
     ----------
-    curves, model, free, units, decimal, columns
-        See `fit_indentation`, which fits one model to all curves.
-    loss, profile, contact, segments, prescribed, stiffness, stiffness_error, adhesion, sensitivity, sampling
-        See `FitOptions`.
-    baseline, weight, range
-        Steps before the fit, and rows that count, see `FitOptions`.
+    curves, model, free, units, decimal, columns : as of `fit_indentation`
+        That function fits one model to all curves.
+    loss, profile, contact, segments, prescribed, stiffness : as of `fit_indentation`
+        Options of the fit of each curve.
+    stiffness_error, adhesion, sensitivity, sampling, baseline, weight, range : as of `fit_indentation`
+        Likewise.
     jobs : int
         Number of processes.
     out : path, optional

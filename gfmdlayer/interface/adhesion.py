@@ -199,7 +199,18 @@ class Electrostatic(Interface):
         yield from unread(self, "voltage")
 
     def permittivity_of_vacuum(self, units: Units | None) -> float | None:
-        """Return the given permittivity, or that in the units; None without either."""
+        """Return the given permittivity, or that in the units; None without either.
+
+        Parameters
+        ----------
+        units : Units or None
+            Units of the numbers.
+
+        Returns
+        -------
+        float or None
+            In pressure length^2/volt^2.
+        """
         if self.permittivity is not None or units is None:
             return self.permittivity
         return units.permittivity_of_vacuum

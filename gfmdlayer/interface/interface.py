@@ -52,15 +52,48 @@ class Interface(Kind):
         """
 
     def energy(self, gap: ArrayLike) -> FloatArray:
-        """Energy w(g) per area, in the shape of the gap g >= 0; zero far away."""
+        """Energy w(g) per area, in the shape of the gap g >= 0; zero far away.
+
+        Parameters
+        ----------
+        gap : array_like
+            Gap g >= 0: length.
+
+        Returns
+        -------
+        ndarray
+            Energy per area: pressure length.
+        """
         return self.interaction().energy(_numbers(gap))
 
     def traction(self, gap: ArrayLike) -> FloatArray:
-        """Traction tau = dw/dg, positive where it attracts, in the shape of the gap."""
+        """Traction tau = dw/dg, positive where it attracts, in the shape of the gap.
+
+        Parameters
+        ----------
+        gap : array_like
+            Gap g >= 0: length.
+
+        Returns
+        -------
+        ndarray
+            Traction: pressure.
+        """
         return self.interaction().traction(_numbers(gap))
 
     def curvature(self, gap: ArrayLike) -> FloatArray:
-        """Curvature d^2w/dg^2, in the shape of the gap."""
+        """Curvature d^2w/dg^2, in the shape of the gap.
+
+        Parameters
+        ----------
+        gap : array_like
+            Gap g >= 0: length.
+
+        Returns
+        -------
+        ndarray
+            Stiffness per area: pressure/length.
+        """
         return self.interaction().curvature(_numbers(gap))
 
 

@@ -63,19 +63,36 @@ class Places(Bins):
 class Column:
     """One column of the rows, a number for each accepted step or for each bin; or a field of a snapshot.
 
+    Parameters
+    ----------
+    name : str
+        Name of the variable in the files.
+    long_name : str
+        Its meaning.
+    units : str, default "1"
+        Dimension in words, such as pressure; "1" of dimensionless quantities.
+    dtype : str, default "f8"
+        Type of the numbers in the files, as numpy names it.
+    along : Bins, optional
+        Bins of a distribution, or `Places`; a number without them.
+    symbol : str, optional
+        In mathtext, of the figures.
+    origin : str, optional
+        From where, or over what, it is measured; for the reference.
+
     Examples
     --------
     >>> gfmdlayer.Column("highest", "largest pressure", "pressure").described
     {'long_name': 'largest pressure', 'units': 'pressure'}
     """
 
-    name: str  # in the files
-    long_name: str  # its meaning
-    units: str = "1"  # in words, see `results.names`; "1" for dimensionless quantities
-    dtype: str = "f8"  # in the files, as numpy names it
-    along: Bins | None = None  # bins of a distribution, or `Places`; a number without them
-    symbol: str = ""  # in mathtext, of the figures
-    origin: str = ""  # from where, or over what, it is measured; for the reference
+    name: str
+    long_name: str
+    units: str = "1"
+    dtype: str = "f8"
+    along: Bins | None = None
+    symbol: str = ""
+    origin: str = ""
 
     @property
     def size(self) -> int:
@@ -83,7 +100,13 @@ class Column:
         return 1 if self.along is None else len(next(self.along.ends)[1])
 
     def in_units(self, unit: Callable[[str], str]) -> Column:
-        """Return the column with the label of its unit in place of the words."""
+        """Return the column with the label of its unit in place of the words.
+
+        Parameters
+        ----------
+        unit : callable
+            Returns the label of a unit from its dimension in words.
+        """
         along = self.along and replace(self.along, units=unit(self.along.units))
         return replace(self, units=unit(self.units), along=along)
 
@@ -196,16 +219,39 @@ class Observable(Saving):
 
     @classmethod
     def columns(cls, config: Config) -> tuple[Column, ...] | None:  # noqa: ARG003
-        """Return the columns of a case, or None where the case does not have this observable."""
+        """Return the columns of a case, or None where the case does not have this observable.
+
+        Parameters
+        ----------
+        config : Config
+            Configuration of the case.
+        """
         return cls.COLUMNS
 
     @classmethod
     def cost(cls, config: Config) -> tuple[float, float]:  # noqa: ARG003
-        """Return FFT pairs, or as much other time, of a row, and bytes in memory; 0 where it is cheap."""
+        """Return FFT pairs, or as much other time, of a row, and bytes in memory; 0 where it is cheap.
+
+        Parameters
+        ----------
+        config : Config
+            Configuration of the case.
+        """
         return 0.0, 0.0
 
     def measure(self, step: Step) -> Mapping[str, Value]:  # noqa: ARG002
-        """Return the values of the columns, by name."""
+        """Return the values of the columns, by name.
+
+        Parameters
+        ----------
+        step : Step
+            Accepted step, with its numbers and fields by name.
+
+        Returns
+        -------
+        dict of str to float or ndarray
+            A number for each column, or an array of shape (bins,) where the column has bins.
+        """
         return {}
 
 

@@ -34,12 +34,8 @@ Hurst = Annotated[float, strict, Field(gt=0, le=1), MustBe("a number > 0 and <= 
 class SelfAffine(Shape):
     """Rough surface by random phases; cut-offs and roll-off are wavelengths.
 
-    Attributes
-    ----------
-    roll_off, long_cutoff
-        None: no plateau in the spectrum; no cut-off but the period.
-    rms_slope, rms_height
-        One of them is given: the square root of the mean of grad h . grad h, or of (h - mean(h))^2.
+    One of rms_slope and rms_height is given: the square root of the mean of grad h . grad h, or of
+    (h - mean(h))^2.
 
     Examples
     --------

@@ -52,12 +52,28 @@ class Shape(Kind):
         return ""
 
     def with_length(self, length: str | None) -> Shape:  # noqa: ARG002
-        """Return the shape whose file, if it has one, is converted into a unit of length."""
+        """Return the shape whose file, if it has one, is converted into a unit of length.
+
+        Parameters
+        ----------
+        length : str or None
+            Unit of length of the configuration, such as mm; None where it has none.
+        """
         return self
 
     @abstractmethod
     def heights(self, grid: Grid) -> FloatArray:
         """Heights above the lowest point, of the grid's shape.
+
+        Parameters
+        ----------
+        grid : Grid
+            The grid of the surface.
+
+        Returns
+        -------
+        ndarray
+            Heights of the grid's shape: length.
 
         Raises
         ------
@@ -66,19 +82,48 @@ class Shape(Kind):
         """
 
     def misfits(self, cell: Cell) -> Iterator[Mistake]:  # noqa: ARG002
-        """Yield why the punch does not fit into the cell or onto its grid, in keys of the punch."""
+        """Yield why the punch does not fit into the cell or onto its grid, in keys of the punch.
+
+        Parameters
+        ----------
+        cell : Cell
+            Points and period (length) along each axis.
+        """
         return iter(())
 
     def notes(self, cell: Cell) -> list[str]:  # noqa: ARG002
-        """Describe the changes made to a measured surface."""
+        """Describe the changes made to a measured surface.
+
+        Parameters
+        ----------
+        cell : Cell
+            Points and period (length) along each axis.
+        """
         return []
 
     def account(self, cell: Cell) -> str:  # noqa: ARG002
-        """Say in one line how its file was read, if it has one."""
+        """Say in one line how its file was read, if it has one.
+
+        Parameters
+        ----------
+        cell : Cell
+            Points and period (length) along each axis.
+        """
         return ""
 
     def mean_height(self, cell: Cell) -> float | None:  # noqa: ARG002
-        """Mean height in closed form, where there is one."""
+        """Mean height in closed form, where there is one.
+
+        Parameters
+        ----------
+        cell : Cell
+            Points and period (length) along each axis.
+
+        Returns
+        -------
+        float or None
+            Mean over the cell, counted from the apex: length.
+        """
         return None
 
 
@@ -87,19 +132,57 @@ class Analytic(Shape):
 
     @abstractmethod
     def height(self, axes: Axes) -> FloatArray:
-        """Height at coordinates along each axis, counted from the apex."""
+        """Height at coordinates along each axis, counted from the apex.
+
+        Parameters
+        ----------
+        axes : list of ndarray
+            Coordinates along each axis, from the apex, which broadcast to the grid's shape: length.
+
+        Returns
+        -------
+        ndarray
+            Heights: length.
+        """
 
     def misfit(self, extent: Extent) -> Mistake | None:  # noqa: ARG002
-        """Return why the punch does not fit into its length along an axis, if so."""
+        """Return why the punch does not fit into its length along an axis, if so.
+
+        Parameters
+        ----------
+        extent : Extent
+            Axis, and the length that is one punch's own.
+        """
         return None
 
     def heights(self, grid: Grid, counts: tuple[int, ...] = (1,)) -> FloatArray:
-        """Heights of the grid's shape; `counts` copies fill the cell along each axis."""
+        """Heights of the grid's shape; `counts` copies fill the cell along each axis.
+
+        Parameters
+        ----------
+        grid : Grid
+            The grid of the surface.
+        counts : tuple of int
+            Copies along each axis, 1 by default; the last also stands for the axes that follow.
+
+        Returns
+        -------
+        ndarray
+            Heights of the grid's shape: length.
+        """
         # The last number also stands for the axes that follow.
         return _heights(self, grid, counts + counts[-1:] * (len(grid.shape) - len(counts)))
 
     def misfits(self, cell: Cell, counts: tuple[int, ...] = (1, 1)) -> Iterator[Mistake]:
-        """Yield the first reason for which the punch does not fit, as one of `counts` along each axis."""
+        """Yield the first reason for which the punch does not fit, as one of `counts` along each axis.
+
+        Parameters
+        ----------
+        cell : Cell
+            Points and period (length) along each axis.
+        counts : tuple of int
+            Copies along each axis, 1 by default.
+        """
         misfit = self._misplaced(len(cell.points))
         for axis, (length, count) in enumerate(zip(cell.period, counts, strict=False)):
             part = "the period" if count == 1 else f"the period over {count}"

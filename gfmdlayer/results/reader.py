@@ -205,6 +205,11 @@ def config_in(
 def open_case(path: str | Path) -> xarray.Dataset:
     """Open the file of one case; values are read when they are used.
 
+    Parameters
+    ----------
+    path : path
+        HDF5 file of a case, such as results/NAME/cases/0000.h5.
+
     Returns
     -------
     xarray.Dataset
@@ -230,6 +235,11 @@ def open_case(path: str | Path) -> xarray.Dataset:
 
 def open_results(directory: str | Path) -> xarray.Dataset:
     """Open a folder of results: the labelled sweep, or the case itself where there is only one.
+
+    Parameters
+    ----------
+    directory : path
+        Folder of results, such as results/NAME.
 
     Returns
     -------

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from difflib import get_close_matches
 from functools import cache
 from importlib import import_module
-from inspect import CO_VARKEYWORDS, Parameter, Signature, unwrap
+from inspect import CO_VARKEYWORDS, Parameter, Signature, cleandoc, unwrap
 from itertools import chain
 from operator import is_
 from pathlib import Path
@@ -88,6 +89,49 @@ class _Shown(_ModelMetaclass):
     @__signature__.setter
     def __signature__(self, _of_pydantic: object) -> None:
         pass
+
+    @property
+    def __doc__(self) -> str | None:  # type: ignore[override]
+        """The words of the class; where they have no table of parameters, with one of its keys."""
+        words: str | None = vars(self).get("__doc__")
+        if words is None or self.__signature__ is None or f"{_PARAMETERS}\n" in words:
+            return words
+        words = cleandoc(words)
+        first = _HEADING.search(words)
+        end = first.start() if first else len(words)
+        keys = (_row(cast("type[Section]", self), each) for each in self.__signature__.parameters.values())
+        parts = words[:end].rstrip(), "\n".join((_PARAMETERS, "----------", *keys)), words[end:]
+        return "\n\n".join(filter(None, parts))
+
+
+_PARAMETERS = "Parameters"
+_HEADING = re.compile(r"^[A-Z]\w+\n---+$", re.MULTILINE)  # of a section of a docstring
+
+
+def _row(section: type[Section], key: Parameter) -> str:
+    """Return a key, its type, its default, its meaning and its dimension, as numpydoc has parameters."""
+    meaning, unit = dimension(meanings(section).get(key.name, ""))
+    if meaning.partition(" ")[0].isalpha():
+        meaning = meaning[0].upper() + meaning[1:]
+    ending = "" if key.default is Parameter.empty else f", default {key.default!r}"
+    if key.default is None or isinstance(key.default, _Made):
+        ending = ", optional"
+    return f"{key.name} : {_in_words(key.annotation)}{ending}\n    {meaning}{f' [{unit}]' if unit else ''}."
+
+
+def _in_words(annotation: Any) -> str:
+    """Return a type as docstrings name it, such as "float or tuple of float"."""
+    if annotation in (Any, Path):
+        return "path" if annotation is Path else "object"
+    if get_origin(annotation) is Literal:
+        return " or ".join(map(str, get_args(annotation)))
+    inner = [_in_words(part) for part in get_args(annotation) if part not in (type(None), ...)]
+    if not inner:
+        return str(annotation.__name__)
+    origin, inner = get_origin(annotation), list(dict.fromkeys(inner))
+    return (
+        " or ".join(inner) if origin in (Union, UnionType) else f"{origin.__name__} of {' to '.join(inner)}"
+    )
 
 
 class _Made:
@@ -181,7 +225,15 @@ class Section(BaseModel, metaclass=_Shown):
 
     @classmethod
     def all_problems(cls, data: dict[str, Any], error: ValidationError) -> list[Mistake]:  # noqa: ARG003
-        """Return the errors that pydantic found in plain data, as problems."""
+        """Return the errors that pydantic found in plain data, as problems.
+
+        Parameters
+        ----------
+        data : dict
+            Plain data of this section.
+        error : ValidationError
+            What pydantic found in them.
+        """
         return explained(error, cls, cls.fields())
 
     def problems(self) -> Iterator[Mistake]:
