@@ -1,6 +1,6 @@
 """Draw the picture of README.md: punch, layer and halfspace, the relaxing pressure, and the curves.
 
-usage: python scripts/picture.py [FILE]        default: scripts/picture.svg, the picture in README.md
+usage: python scripts/picture.py [FILE]        default: docs/picture.svg, the picture in README.md
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ COLOURS = ("#9c2b1f", "#1f5f8b")
 DEPTH, THICKNESS, RADIUS = 0.01, 0.05, 0.25  # of configs/indentation-quick.yaml, in units of the period
 
 
-def main(file: str = "scripts/picture.svg") -> None:
+def main(file: str = "docs/picture.svg") -> None:
     """Run an indentation and draw it."""
     with tempfile.TemporaryDirectory() as folder:
         config, out = str(ROOT / "configs/indentation-quick.yaml"), str(folder)

@@ -21,9 +21,13 @@ import gfmdlayer
 from gfmdlayer.config import load
 
 ROOT = Path(__file__).parents[2]
+DOCS = ROOT / "docs"
+GENERATED = {"columns.md", "command-line.md", "configuration.md", "together.md"}  # when the site is built
 PAGES = [
-    ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")), *sorted((ROOT / "docs").glob("[gt]*/*.md")),
-]  # fmt: skip
+    ROOT / "README.md",
+    *sorted(DOCS.glob("*.md")),
+    *(page for page in sorted(DOCS.glob("[grst]*/*.md")) if page.name not in GENERATED),
+]
 BLOCK = re.compile(r"^(<!-- not run[^\n]*-->\n)?```([{}\w]*)[^\n]*\n(.*?)^```$", re.DOTALL | re.MULTILINE)
 
 
@@ -65,7 +69,7 @@ def fill(folder):
     (folder / ".venv/bin/activate").write_text(activate)
     shutil.copy(ROOT / "configs/polymer.csv", folder / "master-curve.csv")
     np.save(folder / "surface.npy", np.zeros((8, 8)))
-    (bed,) = (each.code for each in BLOCKS[ROOT / "docs/guides/bodies.md"] if each.language == "python")
+    (bed,) = (each.code for each in BLOCKS[DOCS / "guides/own-body.md"] if each.language == "python")
     (folder / "bed.py").write_text(bed)
 
 

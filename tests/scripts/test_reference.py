@@ -102,7 +102,7 @@ def test_no_cell_is_empty(page):
 def files(tmp_path, monkeypatch):
     """The files that examples name, in the working directory."""
     monkeypatch.chdir(tmp_path)
-    (bed,) = re.findall(r"```python\n(.*?)```", (ROOT / "docs/guides/bodies.md").read_text(), re.DOTALL)
+    (bed,) = re.findall(r"```python\n(.*?)```", (ROOT / "docs/guides/own-body.md").read_text(), re.DOTALL)
     Path("bed.py").write_text(bed)
     Path("rubber.yaml").write_text("material: {model: prony, G0: 0.5, branches: [{G: 2.0, tau: 0.01}]}\n")
     Path("stiffness.txt").write_text("1 1\n1e6 1e6\n")
