@@ -30,10 +30,16 @@ from gfmdlayer.contact.active_set.loop import iterate
 from gfmdlayer.contact.active_set.solver import ActiveSet
 from gfmdlayer.contact.nested.iteration import (
     FieldExtent,
+    Form,
     GridLevel,
     NestedFields,
     Search,
+    Unknowns,
+    depart,
+    form_of,
     narrow,
+    open_up,
+    press_closed,
     project,
     settle,
 )
@@ -52,25 +58,30 @@ from gfmdlayer.resumable import CompositeState, State
 # interpolate the pressure itself.
 
 _BEFORE, _AFTER = 3, 4  # rows of the coarse grid that rows of the fine one may need beside their own
-_COARSE_TOLERANCE, _COARSE_LIMIT = 1e-3, 60  # of residual and iterations on a coarser grid
+# Of residual and iterations on a coarser grid; of gaps a residual is in pressures.
+_COARSE_TOLERANCE, _COARSE_GAPS, _COARSE_LIMIT = 1e-3, 1e-2, 60
 
 
-def prolong(coarse: GridLevel, at: NestedFields, fine: GridLevel, target: FloatArray) -> None:
-    """Write the pressure of a finer grid, from the state of the coarse one."""
+def prolong(coarse: GridLevel, at: NestedFields, fine: GridLevel, h: FloatArray, target: FloatArray) -> None:
+    """Write the unknowns of a finer grid under the punch h, from the state of the coarse one."""
     shape = (-1, coarse.grid.shape[-1])
     p, gap = at.p.reshape(shape), np.maximum(at.gap - at.level, 0.0).reshape(shape)
     (inside, pressed, outside, apart), _ = coarse.parallel(_at_edges, p, *coarse.grid.halo(p, 1, 1), gap)
     squares, openings = inside / max(pressed, 1.0), apart / max(outside, 1.0)
     mu = squares / openings if openings > 0 else 0.0
     fields = [np.empty((_BEFORE + len(p) + _AFTER, p.shape[1])) for _ in range(3)]
-    pressure, smooth, deep = inner = [field[_BEFORE:-_AFTER] for field in fields]
-    pressure[:] = p
+    values, smooth, deep = inner = [field[_BEFORE:-_AFTER] for field in fields]
     coarse.parallel.only(_smooth, p, *coarse.grid.halo(p, 1, 1), gap, mu, smooth, deep)
+    values[:] = at.h.reshape(shape) - gap if coarse.form.gaps else p
     for field, part in zip(fields, inner, strict=True):
         field[:_BEFORE], field[-_AFTER:] = coarse.grid.halo(part, _BEFORE, _AFTER)
     place = fine.grid.first_row, _BEFORE - coarse.grid.first_row
     rows = (1, 1) if len(fine.grid.points) == 1 else (fine.grid.points[0], coarse.grid.points[0])
-    fine.parallel.only(_interpolate, fine.grid.shape[-1], place, rows, *fields, target)
+    where = fine.grid.shape[-1], place, rows
+    if coarse.form.gaps:
+        fine.parallel.only(_interpolate_gaps, *where, *fields[:2], h, target)
+    else:
+        fine.parallel.only(_interpolate, *where, *fields, target)
 
 
 @kernel(reorder=True)
@@ -168,47 +179,105 @@ def _interpolate(
                 target[i * columns + j] = np.sqrt(s) if s > 0.0 else 0.0
 
 
+@kernel(reorder=True)
+def _interpolate_gaps(
+    first: int, end: int, columns: int, place: tuple[int, int], whole: tuple[int, int], u: FloatArray,
+    smooth: FloatArray, h: FloatArray, target: FloatArray,
+) -> None:  # fmt: skip
+    """Interpolate displacements by cubic polynomials; write the gap of the fine grid, closed in contact."""
+    n = u.shape[1]
+    line, edge = np.empty(n + 4), np.empty(n + 1)  # with the points beside the first and the last
+    weights, left = np.empty((4, columns)), np.empty(columns, np.int64)
+    for j in range(columns):
+        x = j * n / columns
+        left[j] = int(x)
+        for a, weight in enumerate(_weights(x - int(x))):
+            weights[a, j] = weight
+    for i in range(first // columns, end // columns):
+        y = (i + place[0]) * whole[1] / whole[0]
+        row = int(y)
+        y -= row
+        row, wy = row + place[1], _weights(y)
+        one, two, three, four = u[row - 1], u[row], u[row + 1], u[row + 2]
+        near, far = smooth[row], smooth[row + 1]
+        for m in range(n):
+            line[m + 1] = wy[0] * one[m] + wy[1] * two[m] + wy[2] * three[m] + wy[3] * four[m]
+            edge[m] = (1.0 - y) * near[m] + y * far[m]
+        line[0], line[n + 1], line[n + 2], edge[n] = line[n], line[1], line[2], edge[0]
+        for j in range(columns):
+            m, value = left[j], 0.0
+            for a in range(4):
+                value += weights[a, j] * line[m + a]
+            part = j * n / columns - m
+            inside = (1.0 - part) * edge[m] + part * edge[m + 1] > 0.0
+            gap = h[i * columns + j] - value
+            target[i * columns + j] = 0.0 if inside or gap < 0.0 else gap
+
+
 def nest(fine: GridLevel, transforms: Transforms, problem: Problem, at: NestedFields) -> float:
-    """Write the pressure of a first guess; return the pairs in single precision, as parts of fine ones."""
+    """Write the unknowns of a first guess; return the pairs in single precision, as parts of fine ones."""
     surface = transforms.forward(problem.obstacle)
     free = np.zeros_like(surface)
     fine.displace(problem, free, np.empty_like(free))
     last, pairs = None, 0.0
     for grid in reversed(fine.grid.nested[1:]):
         coarse = transforms.of_shape(grid.points, single=True)
-        level = GridLevel(grid, coarse, transforms.truncated(problem.stiffness, coarse), fine.floor)
+        stiffness = transforms.truncated(problem.stiffness, coarse)
+        level = GridLevel(grid, coarse, problem, stiffness, fine.form)
         fields = (coarse.backward(transforms.truncated(waves, coarse)) for waves in (surface, free))
         h, displaced = (field.astype(np.float64) / fine.grid.size for field in fields)
         load = None if at.load is None else at.load * grid.size / fine.grid.size
         state = NestedFields(h, h - displaced, np.zeros_like(h), np.zeros_like(h), load, at.cap)
         if not _prolonged(last, level, state):
-            _press(level, state)
-        level.add_response(state)
-        level.set_scales(state)
-        Search(level, state).run(_COARSE_TOLERANCE, _COARSE_LIMIT)
+            _touch(level, state)
+        if fine.form.gaps:
+            _search_gaps(level, state)
+        else:
+            level.add_response(state)
+            level.set_scales(state)
+            search = Search(level, state.unknowns())
+            search.run(_COARSE_TOLERANCE, _COARSE_LIMIT)
+            state.level = search.at.level
         pairs += (level.pairs + 1) * grid.size / fine.grid.size
         last = level, state
     if not _prolonged(last, fine, at):
         if at.load is not None:  # its place holds the gap of a guess, if anything
             at.gap0[:] = problem.obstacle - transforms.backward(free) / fine.grid.size
-        _press(fine, at)
+        _touch(fine, at)
     return pairs
 
 
+def _search_gaps(level: GridLevel, at: NestedFields) -> None:
+    """Search from the gap of a guess on a coarser grid; write the pressure."""
+    np.subtract(at.gap, at.gap0, out=level.step, casting="same_kind")
+    level.respond()
+    at.p[:] = level.change
+    if at.load is not None:
+        at.p += at.load / level.grid.size
+    search = Search(level, level.gaps_of(at))
+    search.run(_COARSE_GAPS, _COARSE_LIMIT)
+    level.parallel.only(press_closed, search.at.level, at.gap, at.p)
+    at.level = 0.0
+
+
 def _prolonged(last: tuple[GridLevel, NestedFields] | None, level: GridLevel, at: NestedFields) -> bool:
-    """Write the pressure of a coarser grid, of the given load; return whether there is any."""
+    """Write the unknowns of a coarser grid, of the given sum; return whether there are any."""
     if last is None:
         return False
-    prolong(*last, level, at.p)
-    return level.set_load(at)
+    prolong(*last, level, at.h, at.gap if level.form.gaps else at.p)
+    return level.set_sum(at) if level.form.gaps else level.set_load(at)
 
 
-def _press(level: GridLevel, at: NestedFields) -> None:
-    """Write a first pressure where the punch lies lowest, of the given load."""
+def _touch(level: GridLevel, at: NestedFields) -> None:
+    """Write first unknowns: closed, or under pressure, where the punch lies lowest."""
     sums = level.grid.sums
     lowest, mean = sums.minimum(float(at.gap0.min())), sums.mean(at.gap0)
     # Where the load is given, half way up to the mean height.
     height = 0.0 if at.load is None else 0.5 * (lowest + mean)
+    if level.form.gaps:
+        np.fmax(at.gap0 - height, 0.0, out=at.gap)
+        level.set_sum(at)
+        return
     np.multiply(level.stiffest, np.fmax(height - at.gap0, 0.0), out=at.p)
     if not level.set_load(at) and at.load is not None:
         at.p[:] = at.load / level.grid.size  # the punch lies equally low everywhere
@@ -238,6 +307,7 @@ class NestedGradient:
         self._grid = grid or Grid(transforms.shape, (1.0,) * len(transforms.shape))
         self._fine: GridLevel | None = None
         self._stiffness: FloatArray = np.empty(0)
+        self._kind = False, False  # whether no load is given, and whether pressures end
         self._narrow: list[FloatArray] = []  # in single precision: pressure, gap, gap without pressure
         self._work = transforms.empty_spectrum()
         self._active_set: ActiveSet | None = None  # made when a problem is first handed over
@@ -262,22 +332,24 @@ class NestedGradient:
         if search is None or not search.residual < _POOR:
             coarse = nest(fine, self._transforms, problem, at)
             self._doubles += 0.5
-            search = self._search(fine, at, self._evaluate(problem, fine, at)[1], tolerance)
-        iterations, last = 0, np.inf
+            search = self._from_nest(fine, problem, at, tolerance)
+        iterations, last, aim = 0, np.inf, CLOSE * tolerance
         while True:
             left = min(_LIMIT, limit - iterations)
-            iterations += search.run(CLOSE * tolerance, left)
-            if search.at is not at:
-                np.copyto(at.p, search.at.p)
-                if at.cap is not None:  # exactly, as it was in single precision
-                    at.p[search.at.p >= np.float32(at.cap)] = at.cap
+            iterations += search.run(aim, left)
+            self._take(search, fine, at)
             spectrum, extent = self._evaluate(problem, fine, at)
             solution = self._solution(problem, fine, at, spectrum, extent, tolerance)
             if solution.converged or left <= 0 or not solution.residual < _PROGRESS * last:
                 break
             if at.load is None:
                 self._evaluate(problem, fine, at)  # the gap, with the overlap that the solution has not
-            last, search = solution.residual, Search(fine, at)
+            last = solution.residual
+            if fine.form.gaps:  # the same state has a larger residual in pressures
+                aim *= min(CLOSE * tolerance / last, 1.0)
+                search = self._from_pressure(fine, problem, at)
+            else:
+                search = Search(fine, at.unknowns())
         self.spent = self._doubles, fine.pairs + coarse
         pairs, part = divmod(self._doubles + 0.5 * self.spent[1] + self._part, 1.0)
         solution = replace(solution, transforms=int(pairs), iterations=iterations)
@@ -310,13 +382,20 @@ class NestedGradient:
             project(0, 1, 1.0, 0.0, None, p, single, single, single)
 
     def _level_of(self, problem: Problem) -> GridLevel:
-        """The operators of the grid, made anew only where the stiffness has changed."""
-        if self._fine is None:
-            single = self._transforms.of_shape(self._grid.points, single=True)
-            self._fine = GridLevel(self._grid, single, problem.stiffness, problem.residual_floor)
-        elif not self._grid.sums.minimum(int(np.array_equal(problem.stiffness, self._stiffness))):
-            self._fine.set_stiffness(problem.stiffness)  # by all ranks, whoever's part has changed
-        self._stiffness, self._fine.floor, self._fine.pairs = problem.stiffness, problem.residual_floor, 0
+        """The operators of the grid, made anew only where they have changed."""
+        kind = problem.mean_pressure is None, problem.hardness < np.inf
+        same = kind == self._kind and np.array_equal(problem.stiffness, self._stiffness)
+        if not self._grid.sums.minimum(int(same)):  # by all ranks, whoever's part has changed
+            form = Form() if kind[1] else form_of(self._grid, problem.stiffness)
+            operator = problem, problem.stiffness, form
+            if self._fine is None:
+                single = self._transforms.of_shape(self._grid.points, single=True)
+                self._fine = GridLevel(self._grid, single, *operator)
+            else:
+                self._fine.set_operator(*operator)
+            self._stiffness, self._kind = problem.stiffness, kind
+        assert self._fine is not None
+        self._fine.floor, self._fine.pairs = problem.residual_floor, 0
         return self._fine
 
     def _fields(self, fine: GridLevel, problem: Problem, start: FloatArray, tolerance: float) -> NestedFields:
@@ -354,12 +433,48 @@ class NestedGradient:
         """Begin with the first guess, if it has any pressure."""
         if not fine.set_load(at):
             return None
-        return self._search(fine, at, self._evaluate(problem, fine, at)[1], tolerance)
+        extent = self._evaluate(problem, fine, at)[1]
+        if fine.form.gaps:
+            return self._from_pressure(fine, problem, at)
+        return self._search(fine, at, extent, tolerance)
+
+    def _from_nest(self, fine: GridLevel, problem: Problem, at: NestedFields, tolerance: float) -> Search:
+        """Begin with the unknowns of coarser grids."""
+        if not fine.form.gaps:
+            return self._search(fine, at, self._evaluate(problem, fine, at)[1], tolerance)
+        np.subtract(at.h, at.gap, out=at.p)
+        spectrum = self._transforms.empty_spectrum()
+        self._transforms.transform(at.p, spectrum)
+        fine.press(problem, spectrum)
+        self._transforms.transform_back(spectrum, at.p)
+        self._doubles += 1
+        if at.load is not None:
+            at.p += at.load / self._grid.size
+        return Search(fine, fine.gaps_of(at))
+
+    def _from_pressure(self, fine: GridLevel, problem: Problem, at: NestedFields) -> Search:
+        """Begin with the gap of a pressure, made admissible, and the pressure of that."""
+        level = 0.0 if at.load is None else at.level
+        (total, admissible), _ = fine.parallel(open_up, level, at.p, at.gap)
+        factor = total / admissible if problem.mean_is_fixed else 1.0
+        fine.parallel.only(depart, level, factor, at.p, at.gap, fine.step)
+        fine.respond()
+        at.p += fine.change
+        return Search(fine, fine.gaps_of(at))
+
+    def _take(self, search: Search, fine: GridLevel, at: NestedFields) -> None:
+        """Write the pressure that a search has found."""
+        if fine.form.gaps:
+            fine.parallel.only(press_closed, search.at.level, at.gap, at.p)
+        elif search.at.x is not at.p:
+            np.copyto(at.p, search.at.x)
+            if at.cap is not None:  # exactly, as it was in single precision
+                at.p[search.at.x >= np.float32(at.cap)] = at.cap
 
     def _search(self, fine: GridLevel, at: NestedFields, extent: FieldExtent, tolerance: float) -> Search:
         """Begin with a state, in single precision where that resolves the gaps."""
         if tolerance < _SINGLE or not at.scales[1] > _SHALLOW * (extent.gap - at.level):
-            return Search(fine, at)
+            return Search(fine, at.unknowns())
         load_given = at.load is not None
         fields = [at.p, at.gap] if load_given else [at.p, at.gap, at.gap0]
         while len(self._narrow) < len(fields):
@@ -368,9 +483,8 @@ class NestedGradient:
         for less, field, narrowed in zip((0.0, shift, 0.0), fields, self._narrow, strict=False):
             fine.parallel.only(narrow, less, field, narrowed)
         p, gap = self._narrow[:2]
-        gap0 = gap if load_given else self._narrow[2]
-        now = NestedFields(at.h, gap0, p, gap, at.load, at.cap, at.aim, at.scales, at.level - shift)
-        return Search(fine, now)
+        gap0 = None if load_given else self._narrow[2]
+        return Search(fine, Unknowns(p, gap, at.load, at.scales, at.level - shift, gap0, at.cap))
 
     def _evaluate(
         self, problem: Problem, fine: GridLevel, at: NestedFields
