@@ -38,7 +38,7 @@ import numpy as np
 from gfmdlayer.arrays import ComplexArray, FloatArray
 from gfmdlayer.contact.cycle import PRESSED, Cycle, cycle_of, rise_and_fall, run_cycle, set_cycle, set_one
 from gfmdlayer.contact.problem import Problem
-from gfmdlayer.contact.residual import scales
+from gfmdlayer.contact.residual import scales, violation
 from gfmdlayer.contact.stencil import REACH, apply_to_row, stencil
 from gfmdlayer.grid.fftw import WORTH_THREADS
 from gfmdlayer.grid.grid import Grid
@@ -79,9 +79,9 @@ def advance(
     first: int, end: int, move: Move, cap: Any, x: Any, y: Any, y0: Any, step: Any, change: Any, r: Any
 ) -> tuple[tuple[float, float, float, float], tuple[float, float]]:
     """Take a step, and write r = level - y on the new C; under a given sum of x, y counts from the level."""
-    # Returns sums of x, of x y and, with a y0, of x y0, and of x again; the largest x and y together, and the
-    # largest -y, both in the residual's scales. With a cap, the sum of x y and the last sum are over the x
-    # below it.
+    # Returns sums of x, of x y, of x y0 or, without a y0, of r, and of x again; the largest x and y together,
+    # and the largest -y, both in the residual's scales. With a cap, the sum of x y and the last sum are over
+    # the x below it.
     real = x.dtype.type
     length, gone, none = real(move.length), real(_GONE), real(0.0)
     shift, aim = real(move.level if move.centred else 0.0), real(0.0 if move.centred else move.level)
@@ -118,6 +118,11 @@ def advance(
         load += total
         weighted += product
         inner += part
+        if y0 is None:
+            pulls = _NONE
+            for i in range(rs.size):
+                pulls += rs[i]
+            free += pulls
         for i in range(xs.size):
             press, apart = np.float32(xs[i]) * per_x, rs[i] * per_r
             off = press if press < apart else apart
@@ -398,12 +403,13 @@ def displace(
 
 @kernel(reorder=True, borrows=True)
 def press(
-    first: int, end: int, per_point: float, stiffness: FloatArray, intercept: FloatArray, u: FloatArray
-) -> None:
-    """Write the stress (b - kappa u) per point in the place of u, mode by mode; spectra as in `displace`."""
+    first: int, end: int, per_point: float, stiffness: FloatArray, intercept: FloatArray, u: FloatArray,
+    stress: FloatArray,
+) -> None:  # fmt: skip
+    """Write the stress (b - kappa u) per point, mode by mode; spectra as in `displace`."""
     for k in range(first, end):
         for i in range(2 * k, 2 * k + 2):
-            u[i] = per_point * (intercept[i] - stiffness[k] * u[i])
+            stress[i] = per_point * (intercept[i] - stiffness[k] * u[i])
 
 
 @kernel(reorder=True, borrows=True)
@@ -477,6 +483,32 @@ def settle(
         max(maximum(worst), maximum(worse)),
         max(maximum(overlap), maximum(deeper)),
     )
+
+
+@kernel(reorder=True, borrows=True)
+def settle_gap(
+    first: int, end: int, per_pressure: float, per_gap: float, level: float, h: FloatArray, gap: FloatArray,
+    pressure: FloatArray, u: FloatArray, p: FloatArray,
+) -> tuple[tuple[float, float, float, float], tuple[float]]:  # fmt: skip
+    """Write u = h - gap, and the pressure less the level in contact alone; returns as `settle`."""
+    touching, load, gaps, mean, worst = 0.0, 0.0, 0.0, 0.0, filled(LANES, 0.0)
+    for begin in range(first, end, LANES):
+        stop = min(begin + LANES, end)
+        hs, apart, found = h[begin:stop], gap[begin:stop], pressure[begin:stop]
+        us, ps = u[begin:stop], p[begin:stop]
+        for i in range(ps.size):
+            us[i] = hs[i] - apart[i]
+            pressing = found[i] - level
+            ps[i] = pressing if pressing * per_pressure > apart[i] * per_gap else 0.0
+        for i in range(ps.size):  # see `kernels.FASTMATH`: sums beside what is written may change their bits
+            off = violation(found[i] - level, apart[i], per_pressure, per_gap)
+            worst[i] = off if off > worst[i] else worst[i]
+        for i in range(ps.size):
+            gaps += apart[i]
+            mean += us[i]
+            load += ps[i]
+            touching += 1.0 if ps[i] * per_pressure > apart[i] * per_gap else 0.0
+    return (touching, load, gaps, mean), (maximum(worst),)
 
 
 @kernel(borrows=True)
@@ -583,6 +615,7 @@ class Unknowns:
     scales: tuple[float, float]  # of x and y in the residual
     level: float = 0.0  # of y where x > 0, weighted by x, or the y that is aimed at
     y0: Any = None  # y without x, where the whole of x is scaled
+    load: float = np.inf  # sum of y, of which points with an open gap have a small part only
     cap: float | None = None
 
 
@@ -658,9 +691,9 @@ class GridLevel:
         numbers = (modes.view(np.float64) for modes in (problem.intercept, spectrum, work))
         self._modes.only(displace, problem.stiffness, *numbers)
 
-    def press(self, problem: Problem, spectrum: ComplexArray) -> None:
-        """Replace the transform of the displacement by the stress per point."""
-        numbers = (modes.view(np.float64) for modes in (problem.intercept, spectrum))
+    def press(self, problem: Problem, spectrum: ComplexArray, stress: ComplexArray) -> None:
+        """Write the transform of the stress of a displacement, per point."""
+        numbers = (modes.view(np.float64) for modes in (problem.intercept, spectrum, stress))
         self._modes.only(press, 1.0 / self.grid.size, problem.stiffness, *numbers)
 
     @property
@@ -743,7 +776,8 @@ class GridLevel:
             opened = self.grid.sums.total(float(at.gap.sum()))
             at.level = weighted / opened
         scales = self.scales(reached._replace(pressure=reached.pressure - at.level), 0.0)
-        return Unknowns(at.gap, at.p, opened, scales[::-1], at.level)
+        load = np.inf if at.load is None else at.load
+        return Unknowns(at.gap, at.p, opened, scales[::-1], at.level, load=load)
 
     def _set_capped(self, at: NestedFields, cap: float) -> bool:
         """Cut the pressure off at the cap; scale the rest, or else all, to the given load; see `set_load`."""
@@ -923,5 +957,5 @@ class Search:
         at.level = at.level if at.total is None else 0.0
         # A gap may be shifted under a given load; elsewhere the aim is the middle of the allowed range.
         worst = most + below if at.total is not None else 2.0 * max(most, below)
-        worst = max(most, below) if on.form.gaps else worst
+        worst = max(most, below, abs(self._free) / at.load) if on.form.gaps else worst
         self.residual = worst if np.isfinite(self._sum + self._weighted) else np.nan

@@ -42,6 +42,7 @@ from gfmdlayer.contact.nested.iteration import (
     press_closed,
     project,
     settle,
+    settle_gap,
 )
 from gfmdlayer.contact.pressure_form import CLAMPED, CLOSE, HEIGHT_ROUNDING, trivial_solution
 from gfmdlayer.contact.problem import Problem, Solution, make_solution
@@ -333,23 +334,16 @@ class NestedGradient:
             coarse = nest(fine, self._transforms, problem, at)
             self._doubles += 0.5
             search = self._from_nest(fine, problem, at, tolerance)
-        iterations, last, aim = 0, np.inf, CLOSE * tolerance
+        iterations, last = 0, np.inf
         while True:
             left = min(_LIMIT, limit - iterations)
-            iterations += search.run(aim, left)
-            self._take(search, fine, at)
-            spectrum, extent = self._evaluate(problem, fine, at)
-            solution = self._solution(problem, fine, at, spectrum, extent, tolerance)
+            iterations += search.run(CLOSE * tolerance, left)
+            solution, unknowns = self._assessed(problem, fine, at, search.at, tolerance)
             if solution.converged or left <= 0 or not solution.residual < _PROGRESS * last:
                 break
-            if at.load is None:
+            if at.load is None and not fine.form.gaps:
                 self._evaluate(problem, fine, at)  # the gap, with the overlap that the solution has not
-            last = solution.residual
-            if fine.form.gaps:  # the same state has a larger residual in pressures
-                aim *= min(CLOSE * tolerance / last, 1.0)
-                search = self._from_pressure(fine, problem, at)
-            else:
-                search = Search(fine, at.unknowns())
+            last, search = solution.residual, Search(fine, unknowns)
         self.spent = self._doubles, fine.pairs + coarse
         pairs, part = divmod(self._doubles + 0.5 * self.spent[1] + self._part, 1.0)
         solution = replace(solution, transforms=int(pairs), iterations=iterations)
@@ -358,7 +352,7 @@ class NestedGradient:
             return solution
         if at.cap is not None:
             return self._by_sets(problem, solution, tolerance, limit)
-        solution = self._by_active_set(problem, at.p, (int(pairs), iterations), tolerance, limit)
+        solution = self._by_active_set(problem, solution.pressure, (int(pairs), iterations), tolerance, limit)
         self._failures += solution.converged
         return solution
 
@@ -442,15 +436,105 @@ class NestedGradient:
         """Begin with the unknowns of coarser grids."""
         if not fine.form.gaps:
             return self._search(fine, at, self._evaluate(problem, fine, at)[1], tolerance)
+        self._evaluate_gap(problem, fine, at)
+        return Search(fine, fine.gaps_of(at))
+
+    def _evaluate_gap(self, problem: Problem, fine: GridLevel, at: NestedFields) -> ComplexArray:
+        """Write the pressure of the gap; return the transform of the displacement."""
         np.subtract(at.h, at.gap, out=at.p)
-        spectrum = self._transforms.empty_spectrum()
+        spectrum: ComplexArray = self._transforms.empty_spectrum()
         self._transforms.transform(at.p, spectrum)
-        fine.press(problem, spectrum)
-        self._transforms.transform_back(spectrum, at.p)
+        fine.press(problem, spectrum, self._work)
+        self._transforms.transform_back(self._work, at.p)
         self._doubles += 1
         if at.load is not None:
             at.p += at.load / self._grid.size
+        return spectrum
+
+    def _from_pressure(self, fine: GridLevel, problem: Problem, at: NestedFields) -> Search:
+        """Begin with the gap of a pressure, made admissible, and the pressure of that."""
+        level = 0.0 if at.load is None else at.level
+        (total, admissible), _ = fine.parallel(open_up, level, at.p, at.gap)
+        factor = total / admissible if problem.mean_is_fixed else 1.0
+        fine.parallel.only(depart, level, factor, at.p, at.gap, fine.step)
+        fine.respond()
+        at.p += fine.change
         return Search(fine, fine.gaps_of(at))
+
+    def _assessed(
+        self, problem: Problem, fine: GridLevel, at: NestedFields, found: Unknowns, tolerance: float
+    ) -> tuple[Solution, Unknowns]:
+        """The solution that a search has found, in double precision, and the unknowns to go on with."""
+        if fine.form.gaps:
+            spectrum = self._evaluate_gap(problem, fine, at)
+            unknowns = fine.gaps_of(at)
+            return self._solution_of_gap(problem, fine, at, unknowns, spectrum, tolerance), unknowns
+        if found.x is not at.p:
+            np.copyto(at.p, found.x)
+            if at.cap is not None:  # exactly, as it was in single precision
+                at.p[found.x >= np.float32(at.cap)] = at.cap
+        spectrum, extent = self._evaluate(problem, fine, at)
+        solution = self._solution(problem, fine, at, spectrum, extent, tolerance)
+        return solution, at.unknowns()
+
+    def _fields(self, fine: GridLevel, problem: Problem, start: FloatArray, tolerance: float) -> NestedFields:
+        """The problem with the first guess, not negative; NaN counts as zero."""
+        p, gap = self._transforms.empty_field(), self._transforms.empty_field()
+        np.fmax(start, 0.0, out=p)
+        cap = problem.hardness if problem.hardness < np.inf else None
+        if cap is not None:
+            p[p >= (1.0 - _EXTRAPOLATED) * cap] = cap
+        if problem.mean_pressure is not None:
+            return NestedFields(problem.obstacle, gap, p, gap, problem.mean_pressure * self._grid.size, cap)
+        at = NestedFields(
+            problem.obstacle, self._transforms.empty_field(), p, gap, None, cap, _AIM * tolerance
+        )
+        nothing = np.zeros_like(self._work)
+        fine.displace(problem, nothing, self._work)
+        self._transforms.transform_back(self._work, at.gap0)
+        np.subtract(at.h, at.gap0 / self._grid.size, out=at.gap0)
+        self._doubles += 0.5
+        return at
+
+    def _no_contact(self, fine: GridLevel, problem: Problem, at: NestedFields, tolerance: float) -> Solution:
+        """Return the surface without pressure, which nothing presses: a search would leave its aim as one."""
+        at.p[:] = 0.0
+        spectrum, extent = self._evaluate(problem, fine, at)
+        solution = self._solution(problem, fine, at, spectrum, extent, tolerance)
+        self.spent = self._doubles, 0.0
+        pairs, self._part = divmod(self._doubles + self._part, 1.0)
+        self._failures = 0
+        return replace(solution, transforms=int(pairs))
+
+    def _from_guess(
+        self, fine: GridLevel, problem: Problem, at: NestedFields, tolerance: float
+    ) -> Search | None:
+        """Begin with the first guess, if it has any pressure."""
+        if not fine.set_load(at):
+            return None
+        extent = self._evaluate(problem, fine, at)[1]
+        if fine.form.gaps:
+            return self._from_pressure(fine, problem, at)
+        return self._search(fine, at, extent, tolerance)
+
+    def _from_nest(self, fine: GridLevel, problem: Problem, at: NestedFields, tolerance: float) -> Search:
+        """Begin with the unknowns of coarser grids."""
+        if not fine.form.gaps:
+            return self._search(fine, at, self._evaluate(problem, fine, at)[1], tolerance)
+        self._evaluate_gap(problem, fine, at)
+        return Search(fine, fine.gaps_of(at))
+
+    def _evaluate_gap(self, problem: Problem, fine: GridLevel, at: NestedFields) -> ComplexArray:
+        """Write the pressure of the gap; return the transform of the displacement."""
+        np.subtract(at.h, at.gap, out=at.p)
+        spectrum: ComplexArray = self._transforms.empty_spectrum()
+        self._transforms.transform(at.p, spectrum)
+        fine.press(problem, spectrum, self._work)
+        self._transforms.transform_back(self._work, at.p)
+        self._doubles += 1
+        if at.load is not None:
+            at.p += at.load / self._grid.size
+        return spectrum
 
     def _from_pressure(self, fine: GridLevel, problem: Problem, at: NestedFields) -> Search:
         """Begin with the gap of a pressure, made admissible, and the pressure of that."""
@@ -525,6 +609,33 @@ class NestedGradient:
         return make_solution(
             problem, u, at.p, spectrum, spent=(0, 0), within=tolerance if clear else -1.0, gap=at.gap,
             flow=flow, assessment=(residual if finite else np.nan, touching / size, load / size, gaps / size),
+        )  # fmt: skip
+
+    def _solution_of_gap(
+        self,
+        problem: Problem,
+        fine: GridLevel,
+        at: NestedFields,
+        found: Unknowns,
+        spectrum: ComplexArray,
+        tolerance: float,
+    ) -> Solution:
+        """Take the pressure away where the gap is open, where it is an error, and assess the state."""
+        u, p, size = self._transforms.empty_field(), self._transforms.empty_field(), self._grid.size
+        depth, pressure = found.scales
+        fields = at.h, at.gap, at.p, u, p
+        sums, (residual,) = fine.parallel(settle_gap, 1.0 / pressure, 1.0 / depth, found.level, *fields)
+        touching, load, gaps, total = sums
+        if at.load is not None and load > 0:
+            factor = at.load / load
+            p *= factor
+            load, residual = at.load, max(residual, abs(factor - 1.0))
+        if self._grid.first_row == 0:
+            spectrum[0] = total
+        finite = np.isfinite(load) and np.isfinite(gaps)
+        return make_solution(
+            problem, u, p, spectrum, spent=(0, 0), within=tolerance, gap=at.gap.copy(),
+            assessment=(residual if finite else np.nan, touching / size, load / size, gaps / size),
         )  # fmt: skip
 
     def _by_sets(self, problem: Problem, last: Solution, tolerance: float, limit: int) -> Solution:
