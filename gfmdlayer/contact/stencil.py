@@ -69,8 +69,8 @@ def _symbols(grid: Grid) -> Callable[[int, int, IntArray], FloatArray]:
 
     def symbol(row: int, column: int, modes: IntArray) -> FloatArray:
         copies = (2 if row else 1) * (2 if column else 1)
-        y, x = across[modes // along.size], along[modes % along.size]
-        return np.asarray(copies * np.cos(row * y) * np.cos(column * x))
+        y, x = np.divmod(modes, along.size)
+        return np.asarray((copies * np.cos(row * across))[y] * np.cos(column * along)[x])
 
     return symbol
 

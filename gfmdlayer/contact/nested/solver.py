@@ -187,32 +187,40 @@ def _interpolate_gaps(
 ) -> None:  # fmt: skip
     """Interpolate displacements by cubic polynomials; write the gap of the fine grid, closed in contact."""
     n = u.shape[1]
-    line, edge = np.empty(n + 4), np.empty(n + 1)  # with the points beside the first and the last
-    weights, left = np.empty((4, columns)), np.empty(columns, np.int64)
+    line, edge = np.empty(n + 3), np.empty(n + 1)  # with the points beside the first and the last
+    left, part, weights = np.empty(columns, np.int64), np.empty(columns), np.empty((4, columns))
     for j in range(columns):
         x = j * n / columns
-        left[j] = int(x)
-        for a, weight in enumerate(_weights(x - int(x))):
-            weights[a, j] = weight
+        left[j], part[j] = int(x), x - int(x)
+        weights[0, j], weights[1, j], weights[2, j], weights[3, j] = _weights(x - int(x))
+    halves, inner = weights[:, 1], np.empty(columns)
     for i in range(first // columns, end // columns):
         y = (i + place[0]) * whole[1] / whole[0]
         row = int(y)
         y -= row
         row, wy = row + place[1], _weights(y)
         one, two, three, four = u[row - 1], u[row], u[row + 1], u[row + 2]
-        near, far = smooth[row], smooth[row + 1]
+        near, far, middle = smooth[row], smooth[row + 1], line[1:]
         for m in range(n):
-            line[m + 1] = wy[0] * one[m] + wy[1] * two[m] + wy[2] * three[m] + wy[3] * four[m]
-            edge[m] = (1.0 - y) * near[m] + y * far[m]
+            middle[m] = wy[0] * one[m] + wy[1] * two[m] + wy[2] * three[m] + wy[3] * four[m]
+            edge[m] = near[m] + y * (far[m] - near[m])
         line[0], line[n + 1], line[n + 2], edge[n] = line[n], line[1], line[2], edge[0]
+        hs, gaps = h[i * columns : (i + 1) * columns], target[i * columns : (i + 1) * columns]
+        if columns == 2 * n:
+            second, third, fourth, beside = line[1:], line[2:], line[3:], edge[1:]
+            for m in range(n):
+                between = halves[0] * line[m] + halves[1] * second[m] + halves[2] * third[m]
+                gaps[2 * m], gaps[2 * m + 1] = second[m], between + halves[3] * fourth[m]
+                inner[2 * m], inner[2 * m + 1] = edge[m], 0.5 * (edge[m] + beside[m])
+        else:
+            for j in range(columns):
+                m = left[j]
+                gaps[j] = weights[0, j] * line[m] + weights[1, j] * line[m + 1]
+                gaps[j] += weights[2, j] * line[m + 2] + weights[3, j] * line[m + 3]
+                inner[j] = edge[m] + part[j] * (edge[m + 1] - edge[m])
         for j in range(columns):
-            m, value = left[j], 0.0
-            for a in range(4):
-                value += weights[a, j] * line[m + a]
-            part = j * n / columns - m
-            inside = (1.0 - part) * edge[m] + part * edge[m + 1] > 0.0
-            gap = h[i * columns + j] - value
-            target[i * columns + j] = 0.0 if inside or gap < 0.0 else gap
+            gap = hs[j] - gaps[j]
+            gaps[j] = 0.0 if (inner[j] > 0.0) | (gap < 0.0) else gap
 
 
 def nest(fine: GridLevel, transforms: Transforms, problem: Problem, at: NestedFields) -> float:
