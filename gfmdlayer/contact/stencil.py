@@ -6,7 +6,6 @@ by least squares of s/max(kappa, `_LEAST` of the largest) - 1 over the modes of 
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import numba as nb
@@ -25,12 +24,12 @@ _WAVES = 64  # along each axis of a surface, its square along a line, for the fi
 
 def stencil(grid: Grid, stiffness: FloatArray) -> Any:
     """Fit the stencil to a stiffness; return float32 weights of `_TAPS`, shape (6,)."""
-    symbols, modes = _symbols(grid), sample(grid)
-    stiffest = grid.sums.maximum(float(stiffness.max()))
+    modes = sample(grid)
+    stiffest = grid.ranks.maximum(float(stiffness.max()))
     inverse = 1.0 / np.maximum(stiffness[modes], _LEAST * stiffest)
     used = [k for k, (row, _) in enumerate(_TAPS) if row == 0 or len(grid.points) > 1]
-    columns = np.array([symbols(*_TAPS[k], modes) * inverse for k in used])
-    normal = grid.sums.total(np.hstack((columns @ columns.T, columns.sum(axis=1)[:, np.newaxis])))
+    columns = _symbols(grid, modes)[used] * inverse
+    normal = grid.ranks.total(np.hstack((columns @ columns.T, columns.sum(axis=1)[:, np.newaxis])))
     weights = np.zeros(len(_TAPS), dtype=np.float32)
     weights[used] = np.linalg.lstsq(normal[:, :-1], normal[:, -1], rcond=None)[0]
     return weights
@@ -38,9 +37,7 @@ def stencil(grid: Grid, stiffness: FloatArray) -> Any:
 
 def symbol(grid: Grid, weights: Any, modes: IntArray) -> FloatArray:
     """The symbol of a stencil at some modes."""
-    of = _symbols(grid)
-    terms = (weight * of(*tap, modes) for weight, tap in zip(weights, _TAPS, strict=True) if weight)
-    return np.asarray(sum(terms, np.zeros(modes.size)))
+    return np.asarray(np.asarray(weights, np.float64) @ _symbols(grid, modes))
 
 
 def sample(grid: Grid) -> IntArray:
@@ -59,20 +56,19 @@ def _spread(points: int, number: int, place: float) -> IntArray:
     return np.asarray((np.arange(number) + place) * points // number, dtype=np.int64)
 
 
-def _symbols(grid: Grid) -> Callable[[int, int, IntArray], FloatArray]:
-    """The sum of the cosines of the taps at +-row and +-column, as a function of these and of the modes."""
+def _symbols(grid: Grid, modes: IntArray) -> FloatArray:
+    """The sums of the cosines of each tap at +-row and +-column, of shape (taps, modes)."""
     phases = [
         axis.ravel() * (length / points)
         for axis, length, points in zip(grid.wavevectors, grid.period, grid.points, strict=True)
     ]
     across, along = (np.zeros(1), *phases) if len(phases) == 1 else phases
-
-    def symbol(row: int, column: int, modes: IntArray) -> FloatArray:
-        copies = (2 if row else 1) * (2 if column else 1)
-        y, x = across[modes // along.size], along[modes % along.size]
-        return np.asarray(copies * np.cos(row * y) * np.cos(column * x))
-
-    return symbol
+    y, x = np.divmod(modes, along.size)
+    rows, columns = (
+        [copies * np.cos(k * phase)[place] for k, copies in enumerate((1, 2, 2))]
+        for phase, place in ((across, y), (along, x))
+    )
+    return np.array([rows[row] * columns[column] for row, column in _TAPS])
 
 
 @nb.njit(inline="always")

@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 import scipy.linalg
+from gfmdlayer.contact.newton.cycle import cycle_of
 
 from gfmdlayer.contact.newton import cycle, solver
-from gfmdlayer.contact.newton.cycle import cycle_of
 from gfmdlayer.contact.newton.solver import Newton
 from gfmdlayer.contact.problem import Problem
 from gfmdlayer.grid.grid import Grid

@@ -36,8 +36,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gfmdlayer.arrays import ComplexArray, FloatArray
+from gfmdlayer.contact.cycle import PRESSED, Cycle, cycle_of, rise_and_fall, run_cycle, set_cycle, set_one
 from gfmdlayer.contact.problem import Problem
-from gfmdlayer.contact.residual import ResidualFloor, scales
+from gfmdlayer.contact.residual import scales, violation
 from gfmdlayer.contact.stencil import REACH, apply_to_row, stencil
 from gfmdlayer.grid.fftw import WORTH_THREADS
 from gfmdlayer.grid.grid import Grid
@@ -66,77 +67,82 @@ class Move(NamedTuple):
     """A step, and how it is assessed."""
 
     length: float  # of the step
-    scale: float  # of the pressure and its deformation after it
-    load_given: bool  # whether the gap is known up to a shift, and that without pressure is not needed
-    level: float  # gap in contact after it, which then counts from there, or gap that is aimed at
-    per_pressure: float  # inverse scales of the residual
-    per_gap: float
+    scale: float  # of x, and of y - y0 with it, after the step
+    centred: bool  # whether the sum of x is given, and y known up to a shift
+    level: float  # of y where x > 0 after it, from which y then counts, or the y that is aimed at
+    per_x: float  # inverse scales of the residual
+    per_y: float
 
 
 @kernel(reorder=True, borrows=True)
 def advance(
-    first: int, end: int, move: Move, cap: Any, p: Any, gap: Any, gap0: Any, step: Any, change: Any, r: Any
+    first: int, end: int, move: Move, cap: Any, x: Any, y: Any, y0: Any, step: Any, change: Any, r: Any
 ) -> tuple[tuple[float, float, float, float], tuple[float, float]]:
-    """Take a step, and write r = level - gap on the new C; with a given load gaps count from the level."""
-    # Returns sums of p, of p gap and, unless the load is given, of p gap0, and of p again; largest violation
-    # by an open gap or tension, and overlap, both in the residual's scales. With a cap, the sum of p gap and
-    # the last sum are over the pressures below it.
-    real = p.dtype.type
+    """Take a step, and write r = level - y on the new C; under a given sum of x, y counts from the level."""
+    # Returns sums of x, of x y, of x y0 or, without a y0, of r, and of x again; the largest x and y together,
+    # and the largest -y, both in the residual's scales. With a cap, the sum of x y and the last sum are over
+    # the x below it.
+    real = x.dtype.type
     length, gone, none = real(move.length), real(_GONE), real(0.0)
-    shift, aim = real(move.level if move.load_given else 0.0), real(0.0 if move.load_given else move.level)
-    per_pressure, per_r = np.float32(move.per_pressure), np.float32(-move.per_gap)
+    shift, aim = real(move.level if move.centred else 0.0), real(0.0 if move.centred else move.level)
+    per_x, per_r = np.float32(move.per_x), np.float32(-move.per_y)
     most = real(0.0 if cap is None else cap)
     load, weighted, free, inner = 0.0, 0.0, 0.0, 0.0
     opened, below = filled(LANES, _NONE), filled(LANES, _NONE)
     wider, deeper = filled(LANES, _NONE), filled(LANES, _NONE)
     for begin in range(first, end, LANES):
         stop = min(begin + LANES, end)
-        ps, gaps, rs = p[begin:stop], gap[begin:stop], r[begin:stop]
+        xs, ys, rs = x[begin:stop], y[begin:stop], r[begin:stop]
         steps, changes = step[begin:stop], change[begin:stop]
-        for i in range(ps.size):
-            now = ps[i] + length * steps[i]
+        for i in range(xs.size):
+            now = xs[i] + length * steps[i]
             if cap is not None:
-                now = now if most - now > gone * (most - ps[i]) else most
-            ps[i] = now if now > gone * ps[i] else none
-            gaps[i] += length * changes[i] - shift
-        if not move.load_given:
-            free += _scale(real(move.scale), ps, gaps, gap0[begin:stop])
+                now = now if most - now > gone * (most - xs[i]) else most
+            xs[i] = now if now > gone * xs[i] else none
+            ys[i] += length * changes[i] - shift
+        if y0 is not None:
+            free += _scale(real(move.scale), xs, ys, y0[begin:stop])
         total, product, part = none, none, none
-        for i in range(ps.size):
-            pull = np.float32(aim - gaps[i])
+        for i in range(xs.size):
+            pull = np.float32(aim - ys[i])
             inside = pull if pull != _NONE else _MEMBER
-            rs[i] = inside if (ps[i] > none) | (pull > _NONE) else _NONE
-            total += ps[i]
+            rs[i] = inside if (xs[i] > none) | (pull > _NONE) else _NONE
+            total += xs[i]
             if cap is None:
-                product += ps[i] * gaps[i]
+                product += xs[i] * ys[i]
             else:
-                rs[i] = rs[i] if (ps[i] < most) | (pull < _NONE) else _NONE
-                between = ps[i] if ps[i] < most else none
+                rs[i] = rs[i] if (xs[i] < most) | (pull < _NONE) else _NONE
+                between = xs[i] if xs[i] < most else none
                 part += between
-                product += between * gaps[i]
+                product += between * ys[i]
         load += total
         weighted += product
         inner += part
-        for i in range(ps.size):
-            press, apart = np.float32(ps[i]) * per_pressure, rs[i] * per_r
+        if y0 is None:
+            pulls = _NONE
+            for i in range(rs.size):
+                pulls += rs[i]
+            free += pulls
+        for i in range(xs.size):
+            press, apart = np.float32(xs[i]) * per_x, rs[i] * per_r
             off = press if press < apart else apart
             wider[i] = off if off > opened[i] else opened[i]
             deeper[i] = rs[i] if rs[i] > below[i] else below[i]
         opened, below, wider, deeper = wider, deeper, opened, below
     return (load, weighted, free, load if cap is None else inner), (
         float(max(maximum(opened), maximum(wider))),
-        max(maximum(below), maximum(deeper)) * move.per_gap,
+        max(maximum(below), maximum(deeper)) * move.per_y,
     )
 
 
 @kernel(reorder=True, inner=True, borrows=True)
-def _scale(factor: Any, p: Any, gap: Any, gap0: Any) -> Any:
-    """Multiply a pressure and its deformation gap - gap0; return the sum of p gap0."""
-    free, rest = p.dtype.type(0.0), p.dtype.type(1.0) - factor
-    for i in range(p.size):
-        gap[i] = factor * gap[i] + rest * gap0[i]
-        p[i] *= factor
-        free += p[i] * gap0[i]
+def _scale(factor: Any, x: Any, y: Any, y0: Any) -> Any:
+    """Multiply x and its effect y - y0; return the sum of x y0."""
+    free, rest = x.dtype.type(0.0), x.dtype.type(1.0) - factor
+    for i in range(x.size):
+        y[i] = factor * y[i] + rest * y0[i]
+        x[i] *= factor
+        free += x[i] * y0[i]
     return free
 
 
@@ -183,82 +189,146 @@ def _precondition_row(
 
 
 @kernel(reorder=True, borrows=True)
+def hold(first: int, end: int, r: Any, D: Any) -> tuple[tuple[float], tuple[float]]:
+    """Take the points outside of C out of a cycle; return how many have changed."""
+    changed = 0.0
+    for begin in range(first, end, LANES):
+        stop = min(begin + LANES, end)
+        rs, Ds, others = r[begin:stop], D[begin:stop], _NONE
+        for i in range(rs.size):
+            now = _NONE if rs[i] != _NONE else PRESSED
+            others += _ONE if now != Ds[i] else _NONE
+            Ds[i] = now
+        changed += float(others)
+    return (changed,), (0.0,)
+
+
+@kernel
+def set_held(cycle: Cycle, work: Any) -> None:
+    """Take C to all grids of a cycle; find M 1, unless the work space is empty."""
+    set_cycle(cycle)
+    if work.size > 0:
+        set_one(cycle, work)
+
+
+@kernel
+def answer(cycle: Cycle, r: Any, z: Any) -> None:
+    """Write z = M r by a cycle, in its unit."""
+    run_cycle(cycle, r, z)
+
+
+@kernel(reorder=True)
+def correlate(
+    first: int, end: int, per_unit: float, r: Any, last: Any, z: Any, d: Any
+) -> tuple[tuple[float, ...], tuple[float]]:
+    """Take an answer z out of its unit; return the sums that `precondition` returns, `last` is the last r."""
+    sums, per = np.zeros(8), np.float32(per_unit)
+    for begin in range(first, end, LANES):
+        stop = min(begin + LANES, end)
+        rs, zs, ds, lasts = r[begin:stop], z[begin:stop], d[begin:stop], last[begin:stop]
+        count, total, pull, along = _NONE, _NONE, _NONE, _NONE
+        across, before, memory, mean = _NONE, _NONE, _NONE, _NONE
+        for i in range(rs.size):
+            zs[i] *= per
+        for i in range(rs.size):
+            inside = _ONE if rs[i] != _NONE else _NONE
+            count += inside
+            total += zs[i]
+            pull += rs[i]
+            along += zs[i] * rs[i]
+            across += zs[i] * lasts[i]
+            before += inside * lasts[i]
+            memory += rs[i] * ds[i]
+            mean += inside * ds[i]
+        for k, some in enumerate((count, total, pull, along, across, before, memory, mean)):
+            sums[k] += float(some)
+    return (sums[0], sums[1], sums[2], sums[3], sums[4], sums[5], sums[6], sums[7]), (0.0,)
+
+
+@kernel(reorder=True, borrows=True)
 def direct(
-    first: int, end: int, excess: float, memory: float, length: float, shift: float, cap: Any, p: Any, r: Any,
-    z: Any, d: Any, step: Any,
+    first: int, end: int, excess: float, memory: float, length: float, shift: float, cap: Any, x: Any, r: Any,
+    z: Any, one: Any, d: Any, step: Any,
 ) -> tuple[tuple[float, float, float, float], tuple[float]]:  # fmt: skip
     """Write the direction d = z - excess + memory d on C, and do what `project` does."""
+    # With a field `one`, so many times of it are in excess.
     total, count, slope, ended = 0.0, 0.0, 0.0, 0.0
     less, part = np.float32(excess), np.float32(memory)
     for begin in range(first, end, LANES):
         stop = min(begin + LANES, end)
         rs, zs, ds = r[begin:stop], z[begin:stop], d[begin:stop]
-        for i in range(ds.size):
-            along = zs[i] - less + part * ds[i]
-            ds[i] = along if rs[i] != _NONE else _NONE
-        sums = _project(length, shift, cap, p[begin:stop], rs, ds, step[begin:stop])
+        if one is None:
+            for i in range(ds.size):
+                along = zs[i] - less + part * ds[i]
+                ds[i] = along if rs[i] != _NONE else _NONE
+        else:
+            ones = one[begin:stop]
+            for i in range(ds.size):
+                along = zs[i] - less * ones[i] + part * ds[i]
+                ds[i] = along if rs[i] != _NONE else _NONE
+        sums = _project(length, shift, cap, x[begin:stop], rs, ds, step[begin:stop])
         total, count, slope, ended = total + sums[0], count + sums[1], slope + sums[2], ended + sums[3]
     return (total, count, slope, ended), (0.0,)
 
 
 @kernel(reorder=True, borrows=True)
 def project(
-    first: int, end: int, length: float, shift: float, cap: Any, p: Any, r: Any, d: Any, step: Any
+    first: int, end: int, length: float, shift: float, cap: Any, x: Any, r: Any, d: Any, step: Any
 ) -> tuple[tuple[float, float, float, float], tuple[float]]:
-    """Write the step to max(p + length d - shift, 0) on C, and to 0 outside; with a cap, up to the cap."""
+    """Write the step to max(x + length d - shift, 0) on C, and to 0 outside; with a cap, up to the cap."""
     # Returns the sum of the new pressures, the number of those that depend on the shift, the sum of r step,
     # and the number of pressures that it ends at 0 or at the cap.
     total, count, slope, ended = 0.0, 0.0, 0.0, 0.0
     for begin in range(first, end, LANES):
         stop = min(begin + LANES, end)
-        sums = _project(length, shift, cap, p[begin:stop], r[begin:stop], d[begin:stop], step[begin:stop])
+        sums = _project(length, shift, cap, x[begin:stop], r[begin:stop], d[begin:stop], step[begin:stop])
         total, count, slope, ended = total + sums[0], count + sums[1], slope + sums[2], ended + sums[3]
     return (total, count, slope, ended), (0.0,)
 
 
 @kernel(reorder=True, inner=True, borrows=True)
 def _project(
-    length: float, shift: float, cap: Any, p: Any, r: Any, d: Any, step: Any
+    length: float, shift: float, cap: Any, x: Any, r: Any, d: Any, step: Any
 ) -> tuple[Any, Any, Any, Any]:
-    real = p.dtype.type
+    real = x.dtype.type
     some, less, none, most = real(length), real(shift), real(0.0), real(0.0 if cap is None else cap)
     total, count, slope, ended = none, _NONE, _NONE, _NONE
-    for i in range(p.size):
-        now = p[i] + some * d[i] - less
+    for i in range(x.size):
+        now = x[i] + some * d[i] - less
         now = now if (r[i] != _NONE) & (now > none) else none
         if cap is None:
             count += _ONE if now > none else _NONE
         else:
             now = now if now < most else most
-            now = most if (r[i] == _NONE) & (p[i] >= most) else now
+            now = most if (r[i] == _NONE) & (x[i] >= most) else now
             count += _ONE if (now > none) & (now < most) else _NONE
-            ended += _ONE if (now >= most) & (p[i] < most) else _NONE
+            ended += _ONE if (now >= most) & (x[i] < most) else _NONE
         total += now
-        ended += _ONE if (now <= none) & (p[i] > none) else _NONE
-        step[i] = np.float32(now - p[i])
+        ended += _ONE if (now <= none) & (x[i] > none) else _NONE
+        step[i] = np.float32(now - x[i])
         slope += r[i] * step[i]
     return total, count, slope, ended
 
 
 @kernel(reorder=True, borrows=True)
 def respond(
-    first: int, end: int, cap: Any, p: Any, step: Any, change: Any
+    first: int, end: int, cap: Any, x: Any, step: Any, change: Any
 ) -> tuple[tuple[float, float], tuple[float]]:
-    """Return the sums of step A step and p A step; the fastest relative fall of a pressure along the step."""
-    # With a cap, a pressure's distance from the cap falls too.
-    none, one = p.dtype.type(0.0), p.dtype.type(1.0)
-    most = p.dtype.type(0.0 if cap is None else cap)
+    """Return the sums of step B step and x B step; the fastest relative fall of an x along the step."""
+    # With a cap, the distance of an x from the cap falls too.
+    none, one = x.dtype.type(0.0), x.dtype.type(1.0)
+    most = x.dtype.type(0.0 if cap is None else cap)
     curvature, across, falls, faster = 0.0, 0.0, filled(LANES, none), filled(LANES, none)
     for begin in range(first, end, LANES):
         stop = min(begin + LANES, end)
-        ps, steps, changes = p[begin:stop], step[begin:stop], change[begin:stop]
+        xs, steps, changes = x[begin:stop], step[begin:stop], change[begin:stop]
         along, aside = _NONE, none
-        for i in range(ps.size):
+        for i in range(xs.size):
             along += steps[i] * changes[i]
-            aside += ps[i] * changes[i]
-            fall = -steps[i] / (ps[i] if ps[i] > none else one)
+            aside += xs[i] * changes[i]
+            fall = -steps[i] / (xs[i] if xs[i] > none else one)
             if cap is not None:
-                rise = steps[i] / (most - ps[i] if ps[i] < most else one)
+                rise = steps[i] / (most - xs[i] if xs[i] < most else one)
                 fall = fall if fall > rise else rise
             faster[i] = fall if fall > falls[i] else falls[i]
         curvature, across = curvature + float(along), across + float(aside)
@@ -311,9 +381,9 @@ def extent(
 
 
 @kernel(reorder=True, borrows=True)
-def comply(first: int, end: int, compliance: Any, spectrum: Any) -> None:
-    """Multiply a spectrum by the compliance."""
-    factors, modes = compliance[first:end], spectrum[first:end]
+def multiply(first: int, end: int, factors: Any, spectrum: Any) -> None:
+    """Multiply a spectrum by the factors of its modes."""
+    factors, modes = factors[first:end], spectrum[first:end]
     for k in range(modes.size):
         modes[k] *= factors[k]
 
@@ -329,6 +399,49 @@ def displace(
         for i in range(2 * k, 2 * k + 2):
             u[i] = per * (intercept[i] - pressure[i])
             pressure[i] = u[i]
+
+
+@kernel(reorder=True, borrows=True)
+def press(
+    first: int, end: int, per_point: float, stiffness: FloatArray, intercept: FloatArray, u: FloatArray,
+    stress: FloatArray,
+) -> None:  # fmt: skip
+    """Write the stress (b - kappa u) per point, mode by mode; spectra as in `displace`."""
+    for k in range(first, end):
+        for i in range(2 * k, 2 * k + 2):
+            stress[i] = per_point * (intercept[i] - stiffness[k] * u[i])
+
+
+@kernel(reorder=True, borrows=True)
+def open_up(
+    first: int, end: int, level: float, p: FloatArray, gap: FloatArray
+) -> tuple[tuple[float, float], tuple[float]]:
+    """Return the sums of the gap, and of the part of it that is admissible: open, without pressure."""
+    total, admissible = 0.0, 0.0
+    for i in range(first, end):
+        total += gap[i]
+        admissible += gap[i] - level if (gap[i] > level) & (p[i] <= 0.0) else 0.0
+    return (total, admissible), (0.0,)
+
+
+@kernel(reorder=True, borrows=True)
+def depart(
+    first: int, end: int, level: float, factor: float, p: FloatArray, gap: FloatArray, step: Any
+) -> None:
+    """Write the admissible part of the gap, times a factor, and what it adds to the gap."""
+    for i in range(first, end):
+        opening = gap[i] - level
+        now = factor * opening if (opening > 0.0) & (p[i] <= 0.0) else 0.0
+        step[i] = np.float32(now - opening)
+        gap[i] = now
+
+
+@kernel(borrows=True)
+def press_closed(first: int, end: int, level: float, gap: FloatArray, p: FloatArray) -> None:
+    """Write an admissible pressure: where the gap is closed, nowhere negative."""
+    for i in range(first, end):
+        pressure = p[i] - level
+        p[i] = pressure if (gap[i] <= 0.0) & (pressure > 0.0) else 0.0
 
 
 @kernel(reorder=True, borrows=True)
@@ -370,6 +483,32 @@ def settle(
         max(maximum(worst), maximum(worse)),
         max(maximum(overlap), maximum(deeper)),
     )
+
+
+@kernel(reorder=True, borrows=True)
+def settle_gap(
+    first: int, end: int, per_pressure: float, per_gap: float, level: float, h: FloatArray, gap: FloatArray,
+    pressure: FloatArray, u: FloatArray, p: FloatArray,
+) -> tuple[tuple[float, float, float, float], tuple[float]]:  # fmt: skip
+    """Write u = h - gap, and the pressure less the level in contact alone; returns as `settle`."""
+    touching, load, gaps, mean, worst = 0.0, 0.0, 0.0, 0.0, filled(LANES, 0.0)
+    for begin in range(first, end, LANES):
+        stop = min(begin + LANES, end)
+        hs, apart, found = h[begin:stop], gap[begin:stop], pressure[begin:stop]
+        us, ps = u[begin:stop], p[begin:stop]
+        for i in range(ps.size):
+            us[i] = hs[i] - apart[i]
+            pressing = found[i] - level
+            ps[i] = pressing if pressing * per_pressure > apart[i] * per_gap else 0.0
+        for i in range(ps.size):  # see `kernels.FASTMATH`: sums beside what is written may change their bits
+            off = violation(found[i] - level, apart[i], per_pressure, per_gap)
+            worst[i] = off if off > worst[i] else worst[i]
+        for i in range(ps.size):
+            gaps += apart[i]
+            mean += us[i]
+            load += ps[i]
+            touching += 1.0 if ps[i] * per_pressure > apart[i] * per_gap else 0.0
+    return (touching, load, gaps, mean), (maximum(worst),)
 
 
 @kernel(borrows=True)
@@ -422,12 +561,14 @@ class ParallelPasses:
         return ThreadPoolExecutor(len(self._stretches))
 
 
-_SHORTEST, _LONGEST = 0.05, 2.0  # of the lengths that are tried
+_SHORTEST = 0.05  # of the lengths that are tried
+_LONGEST, _LONGEST_CYCLED = 2.0, 4.0  # likewise, by a stencil and by a cycle
 # Beyond this part of a step that ends pressures it is taken as a whole, for thin compressible layers.
 _LET_GO = 0.8
 _LOAD = 1e-2  # relative error of the load that a projection may leave; the next one corrects it
 _PROJECTIONS = 60  # rounds of Newton's method at most
 _ROUNDING, _SUMMED = 1e-14, 800.0  # of a load; of a sum of pressures, in units of their rounding
+_RISE, _FALL = 10.0, 3.0  # of kappa over the grid, see `form_of`
 _PATIENCE, _PROGRESS = 40, 0.7  # iterations in which the residual has to fall below this part
 
 
@@ -458,33 +599,90 @@ class NestedFields:
     scales: tuple[float, float] = (1.0, 1.0)  # of pressure and depth in the residual
     level: float = 0.0  # gap in contact, weighted by the pressure, or the gap that is aimed at
 
+    def unknowns(self) -> Unknowns:
+        """The pressure as unknown."""
+        gap0 = self.gap0 if self.load is None else None
+        return Unknowns(self.p, self.gap, self.load, self.scales, self.level, gap0, self.cap)
+
+
+@dataclass
+class Unknowns:
+    """What a search changes, x from 0 to the cap, and y = B x + c; pressure and gap, or gap and pressure."""
+
+    x: Any
+    y: Any
+    total: float | None  # sum of x, where it is given; y is then known up to a shift
+    scales: tuple[float, float]  # of x and y in the residual
+    level: float = 0.0  # of y where x > 0, weighted by x, or the y that is aimed at
+    y0: Any = None  # y without x, where the whole of x is scaled
+    load: float = np.inf  # sum of y, of which points with an open gap have a small part only
+    cap: float | None = None
+
+
+class Form(NamedTuple):
+    """The unknowns, and what preconditions them."""
+
+    gaps: bool = False  # else pressures
+    cycle: bool = False  # of stencils for the operator; else one stencil for its inverse
+
+
+def form_of(grid: Grid, stiffness: FloatArray) -> Form:
+    """Return the form for a stiffness, one value a mode.
+
+    A cycle describes an operator that rises with the wavenumber: kappa, or else 1/kappa.
+    """
+    if len(grid.points) < 2:
+        return Form()
+    rise, fall = rise_and_fall(grid, stiffness)
+    return Form(gaps=rise >= _RISE and fall <= _FALL, cycle=rise >= _RISE or fall > _FALL)
+
 
 class GridLevel:
     """Operators and work arrays of one grid; transforms are in single precision."""
 
     def __init__(
-        self, grid: Grid, transforms: Transforms, stiffness: FloatArray, floor: ResidualFloor
+        self,
+        grid: Grid,
+        transforms: Transforms,
+        problem: Problem,
+        stiffness: FloatArray,
+        form: Form,
     ) -> None:
-        self.grid, self.transforms, self.floor = grid, transforms, floor
+        self.grid, self.transforms = grid, transforms
         self.parallel = ParallelPasses(grid, transforms.threads)
         self._modes = ParallelPasses(grid, transforms.threads, grid.spectral_shape)
         self.r, self.z, self.d, self.step, self.change = (transforms.empty_field() for _ in range(5))
         self._spectrum = transforms.empty_spectrum()
-        self._compliance = np.empty(stiffness.size, dtype=np.float32)
-        self.set_stiffness(stiffness)
+        self._factors = np.empty(stiffness.size, dtype=np.float32)
+        self.one: Any = None
+        self.set_operator(problem, stiffness, form)
         self.pairs = 0  # spent, in single precision
 
-    def set_stiffness(self, stiffness: FloatArray) -> None:
-        """Make compliance and preconditioner from kappa."""
-        stiff = stiffness > 0
-        self._compliance[:] = np.where(stiff, 1.0 / (self.grid.size * np.where(stiff, stiffness, 1.0)), 0.0)
-        self.stiffest = self.grid.sums.maximum(float(stiffness.max()))
-        self._weights = stencil(self.grid, stiffness)
+    def set_operator(self, problem: Problem, stiffness: FloatArray, form: Form) -> None:
+        """Make the operator of the unknowns and its preconditioner from kappa."""
+        grid, stiff = self.grid, stiffness > 0
+        self.form, self.floor = form, problem.residual_floor
+        operator = stiffness.copy()
+        if not form.gaps:
+            np.divide(1.0, stiffness, out=operator, where=stiff)
+        if form.gaps and problem.mean_pressure is not None:  # which knows no mean gap
+            grid.ranks.set_mean_wave(operator, 0.0)
+        self._factors[:] = operator / grid.size
+        self.stiffest = grid.sums.maximum(float(stiffness.max()))
+        if not form.cycle:
+            self._weights = stencil(grid, stiffness)
+            return
+        least = grid.sums.minimum(float(operator.min(initial=np.inf, where=operator > 0)))
+        self._cycle = cycle_of(grid, operator, least)
+        self._held, self._answer = self._cycle.D[: self.r.size], self.transforms.empty_field()
+        self._held[:] = -1.0  # not known
+        centred = problem.mean_is_fixed if form.gaps else problem.mean_pressure is not None
+        self.one = self._cycle.one if centred else None
 
     def respond(self) -> None:
-        """Write the change of the gap under the step, A step: one pair of transforms."""
+        """Write the change of y under the step, B step: one pair of transforms."""
         self.transforms.transform(self.step, self._spectrum)
-        self._modes.only(comply, self._compliance, self._spectrum)
+        self._modes.only(multiply, self._factors, self._spectrum)
         self.transforms.transform_back(self._spectrum, self.change)
         self.pairs += 1
 
@@ -493,8 +691,31 @@ class GridLevel:
         numbers = (modes.view(np.float64) for modes in (problem.intercept, spectrum, work))
         self._modes.only(displace, problem.stiffness, *numbers)
 
+    def press(self, problem: Problem, spectrum: ComplexArray, stress: ComplexArray) -> None:
+        """Write the transform of the stress of a displacement, per point."""
+        numbers = (modes.view(np.float64) for modes in (problem.intercept, spectrum, stress))
+        self._modes.only(press, 1.0 / self.grid.size, problem.stiffness, *numbers)
+
+    @property
+    def shortest(self) -> float:
+        """A length along r by which any direction falls."""
+        return 0.5 / self.stiffest if self.form.gaps else 0.5 * self.stiffest
+
+    def lifted(self, count: float) -> float:
+        """Sum over C of the answer to 1, where it has so many points and the stencil leaves their mean."""
+        return count if self.one is None else self._lifted
+
     def precondition(self) -> Sequence[float]:
         """Write z = M r in the place of the last r; see the kernel of this name for the sums."""
+        if self.form.cycle:
+            if self.parallel(hold, self.r, self._held)[0][0]:
+                set_held(self._cycle, self.step[: 0 if self.one is None else self.step.size])
+                if self.one is not None:
+                    self._lifted = self.grid.sums.total(float(self.one.sum()))
+            answer(self._cycle, self.r, self._answer)
+            self.z, self._answer = self._answer, self.z
+            fields = self.r, self._answer, self.z, self.d
+            return self.parallel(correlate, 1.0 / self._cycle.unit, *fields)[0]
         r = self.r.reshape(-1, self.grid.shape[-1])
         beside = self.grid.halo(r, REACH, REACH)
         return self.parallel(precondition, self._weights, r, *beside, self.z, self.d)[0]
@@ -506,16 +727,17 @@ class GridLevel:
         (load, weighted, total), extrema = self.parallel(extent, per_point, at.cap, *arrays)
         reached = FieldExtent(total / self.grid.size, *extrema)
         if at.load is not None:
-            at.level = weighted / load if load > 0 else 0.0 if at.cap is None else self.middle(at, at.cap)
+            middle = 0.0 if at.cap is None or load > 0 else self.middle(at.p, at.gap, at.cap)
+            at.level = weighted / load if load > 0 else middle
         at.scales = self.scales(reached, at.level)
         at.level = at.aim * at.scales[1] if at.load is None else at.level
         return reached
 
-    def middle(self, at: NestedFields, cap: float) -> float:
+    def middle(self, p: Any, gap: Any, cap: float) -> float:
         """Gap between those at the cap and those without pressure, where all points are either."""
-        capped = at.p >= cap
-        highest = self.grid.sums.maximum(float(at.gap.max(initial=-np.inf, where=capped)))
-        lowest = self.grid.sums.minimum(float(at.gap.min(initial=np.inf, where=~capped)))
+        capped = p >= cap
+        highest = self.grid.sums.maximum(float(gap.max(initial=-np.inf, where=capped)))
+        lowest = self.grid.sums.minimum(float(gap.min(initial=np.inf, where=~capped)))
         finite = [gap for gap in (highest, lowest) if np.isfinite(gap)]
         return sum(finite) / max(len(finite), 1)
 
@@ -534,6 +756,28 @@ class GridLevel:
         if at.load is not None and total != at.load:
             at.p *= at.load / total
         return True
+
+    def set_sum(self, at: NestedFields) -> bool:
+        """Scale the gap to the sum of a fixed mean displacement; return whether there is any gap."""
+        total, punch = self.grid.sums.total(np.array([at.gap.sum(), at.h.sum()])).tolist()
+        if not 0.0 < total < np.inf:
+            return False
+        if self.one is not None and total != punch:
+            at.gap *= punch / total
+        return True
+
+    def gaps_of(self, at: NestedFields) -> Unknowns:
+        """The gap as unknown, of a state whose pressure belongs to it and may be negative."""
+        (_, weighted, total), extrema = self.parallel(extent, 0.0, None, at.h, at.p, at.gap)
+        reached = FieldExtent(total / self.grid.size, *extrema)
+        opened = None
+        at.level = 0.0
+        if self.one is not None:
+            opened = self.grid.sums.total(float(at.gap.sum()))
+            at.level = weighted / opened
+        scales = self.scales(reached._replace(pressure=reached.pressure - at.level), 0.0)
+        load = np.inf if at.load is None else at.load
+        return Unknowns(at.gap, at.p, opened, scales[::-1], at.level, load=load)
 
     def _set_capped(self, at: NestedFields, cap: float) -> bool:
         """Cut the pressure off at the cap; scale the rest, or else all, to the given load; see `set_load`."""
@@ -563,13 +807,13 @@ class GridLevel:
 
 
 class Search:
-    """Conjugate directions from a state, in single or in double precision, whose gap belongs to its pressure.
+    """Conjugate directions from a state, in single or in double precision, whose y belongs to its x.
 
-    `residual` is the sum of the largest open gap or tension and the largest overlap, or twice the larger of
-    them where no load is given.
+    `residual` is the larger of the largest x and y together, and the largest -y; of pressures it is their
+    sum, as the gap is shifted until there is no overlap, or twice the larger of them where no load is given.
     """
 
-    def __init__(self, level: GridLevel, at: NestedFields) -> None:
+    def __init__(self, level: GridLevel, at: Unknowns) -> None:
         self._on, self.at = level, at
         for field in (
             level.d,
@@ -596,8 +840,8 @@ class Search:
         self._direct()
         self._project()
         if not self._slope > 0:
-            on, ends = self._on, self.at.p + np.float64(self._alpha) * self._on.d <= 0.0
-            on.r[ends & (on.r < 0.0)] = 0.0  # points whose pressure it would end and whose gap is open leave
+            on, ends = self._on, self.at.x + np.float64(self._alpha) * self._on.d <= 0.0
+            on.r[ends & (on.r < 0.0)] = 0.0  # points whose x it would end and whose y is positive leave
             self._alpha, self._product = min(self._alpha, 1.0), 0.0
             self._direct()
             self._project()
@@ -605,36 +849,38 @@ class Search:
         if along_r:
             self._move(0.0, 1.0)
             np.copyto(self._on.d, self._on.r)
-            self._alpha, self._shift = 0.5 * self._on.stiffest, 0.0
+            self._alpha, self._shift = self._on.shortest, 0.0
             self._write_step()
             self._project()
         self._on.respond()
         optimum, length, scale = self._lengths()
         self._move(length, scale)
-        self._alpha = _SHORTEST if along_r else min(max(optimum * self._alpha, _SHORTEST), _LONGEST)
+        longest = _LONGEST_CYCLED if self._on.form.cycle else _LONGEST
+        self._alpha = _SHORTEST if along_r else min(max(optimum * self._alpha, _SHORTEST), longest)
         self._product = 0.0 if along_r else self._product
 
     def _direct(self) -> None:
         """Write the next direction."""
         on, at = self._on, self.at
         count, total, pull, along, across, last, memory, mean = on.precondition()
-        # Under a given load z has no mean, and r none that counts.
-        excess, common = (total / count, pull / count) if at.load is not None and count else (0.0, 0.0)
+        # Under a given sum z has no mean, or no sum by M 1, and r no mean that counts.
+        centred = at.total is not None and count
+        excess, common = (total / on.lifted(count), pull / count) if centred else (0.0, 0.0)
         product, change = along - excess * pull, across - excess * last
         beta = max((product - change) / self._product, 0.0) if self._product > 0 else 0.0
         if product + beta * (memory - common * mean) <= 0:
             beta = 0.0
         self._product = product
-        self._shift = (self._load - at.load) / count if at.load is not None and count else 0.0
+        self._shift = (self._sum - at.total) / count if at.total is not None and count else 0.0
         step = self._alpha, self._shift
-        fields = at.p, on.r, on.z, on.d, on.step
+        fields = at.x, on.r, on.z, on.one, on.d, on.step
         self._note(on.parallel(direct, excess, beta, *step, at.cap, *fields)[0])
 
     def _project(self) -> None:
-        """Write the step of the given load."""
+        """Write the step of the given sum."""
         at, begin, low, high = self.at, self._shift, -np.inf, np.inf
         for _ in range(_PROJECTIONS):
-            if at.load is None or abs(self._above) <= _LOAD * self._shifted:
+            if at.total is None or abs(self._above) <= _LOAD * self._shifted:
                 break
             if at.cap is None:
                 self._shift += self._above / self._count if self._count else min(self._above, 0.0)
@@ -644,7 +890,7 @@ class Search:
             self._write_step()
 
     def _between(self, low: float, high: float, reach: float) -> float:
-        """Shift for the given load, by Newton's method within bounds; `reach` away where one is not known."""
+        """Shift for the given sum, by Newton's method within bounds; `reach` away where one is not known."""
         newton = self._shift + self._above / self._count if self._count else np.nan
         if low < newton < high:
             return newton
@@ -653,31 +899,31 @@ class Search:
         return (low + high) / 2
 
     def _write_step(self) -> None:
-        on, p = self._on, self.at.p
+        on, x = self._on, self.at.x
         step = self._alpha, self._shift, self.at.cap
-        self._note(on.parallel(project, *step, p, on.r, on.d, on.step)[0])
+        self._note(on.parallel(project, *step, x, on.r, on.d, on.step)[0])
 
     def _note(self, sums: Sequence[float]) -> None:
-        """Note the load beyond the given one, the number of pressures, and how the energy falls."""
+        """Note the sum beyond the given one, the number of x, and how the energy falls."""
         total, self._count, self._slope, self._ended = sums
-        self._above = total - (self.at.load or 0.0)
+        self._above = total - (self.at.total or 0.0)
 
     @property
     def _shifted(self) -> float:
-        """Load that a shift may change: with a cap that of the pressures below it, at most, or rounding."""
-        load, cap = self.at.load or 0.0, self.at.cap
+        """Sum that a shift may change: with a cap that of the x below it, at most, or rounding."""
+        total, cap = self.at.total or 0.0, self.at.cap
         if cap is None:
-            return load
-        return max(min(load, cap * self._count), _SUMMED * float(np.finfo(self.at.p.dtype).eps) * load)
+            return total
+        return max(min(total, cap * self._count), _SUMMED * float(np.finfo(self.at.x.dtype).eps) * total)
 
     def _lengths(self) -> tuple[float, float, float]:
         """Return the length of the step of the lowest energy, the one to take, and the scale after it."""
         on, at, slope = self._on, self.at, self._slope
-        (curvature, across), (fall,) = on.parallel(respond, at.cap, at.p, on.step, on.change)
+        (curvature, across), (fall,) = on.parallel(respond, at.cap, at.x, on.step, on.change)
         optimum = slope / curvature if curvature > 0 else 1.0
         # The energy of a p + b D is a parabola of a and b.
-        stiff, free, push = self._weighted - self._free, self._free - at.level * self._load, slope + across
-        if at.load is None and at.cap is None:
+        stiff, free, push = self._weighted - self._free, self._free - at.level * self._sum, slope + across
+        if at.y0 is not None and at.cap is None:
             whole, part = -across * push - curvature * free, across * free + stiff * push
             if stiff * curvature > across**2 and whole > 0:
                 optimum = part / whole
@@ -686,29 +932,30 @@ class Search:
             length = min(optimum, 1.0 / fall) if fall > 0 else optimum
         elif optimum > _LET_GO and self._ended > 0:
             length = 1.0
-        if at.cap is not None:
+        if at.cap is not None or (at.total is None and at.y0 is None):
             return optimum, length, 1.0
-        if at.load is None:
+        if at.total is None:
             energy, push = stiff + length * (2.0 * across + length * curvature), length * push - free
             return optimum, length, push / energy if push > 0 and energy > 0 else 1.0
-        # The step sets p.gap, and so the level.
-        at.level = (self._weighted + length * (across - slope + length * curvature)) / self._load
+        # The step sets x.y, and so the level.
+        at.level = (self._weighted + length * (across - slope + length * curvature)) / self._sum
         return optimum, length, 1.0
 
     def _move(self, length: float, scale: float) -> None:
         """Take a step and assess the state."""
         on, at = self._on, self.at
-        fields = at.p, at.gap, at.gap0, on.step, on.change, on.z
+        fields = at.x, at.y, at.y0, on.step, on.change, on.z
         while True:
-            move = Move(length, scale, at.load is not None, at.level, 1.0 / at.scales[0], 1.0 / at.scales[1])
-            sums, (opened, below) = on.parallel(advance, move, at.cap, *fields)
-            self._load, self._weighted, self._free, inner = sums
-            if at.cap is None or at.load is None or length == 0.0:
+            move = Move(length, scale, at.total is not None, at.level, 1.0 / at.scales[0], 1.0 / at.scales[1])
+            sums, (most, below) = on.parallel(advance, move, at.cap, *fields)
+            self._sum, self._weighted, self._free, inner = sums
+            if at.cap is None or at.total is None or length == 0.0:
                 break
             length = 0.0  # the level is known after the step
-            at.level = self._weighted / inner if inner > 0.0 else on.middle(at, at.cap)
+            at.level = self._weighted / inner if inner > 0.0 else on.middle(at.x, at.y, at.cap)
         on.r, on.z = on.z, on.r
-        at.level = at.level if at.load is None else 0.0
+        at.level = at.level if at.total is None else 0.0
         # A gap may be shifted under a given load; elsewhere the aim is the middle of the allowed range.
-        worst = opened + below if at.load is not None else 2.0 * max(opened, below)
-        self.residual = worst if np.isfinite(self._load + self._weighted) else np.nan
+        worst = most + below if at.total is not None else 2.0 * max(most, below)
+        worst = max(most, below, abs(self._free) / at.load) if on.form.gaps else worst
+        self.residual = worst if np.isfinite(self._sum + self._weighted) else np.nan

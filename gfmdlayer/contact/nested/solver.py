@@ -30,12 +30,19 @@ from gfmdlayer.contact.active_set.loop import iterate
 from gfmdlayer.contact.active_set.solver import ActiveSet
 from gfmdlayer.contact.nested.iteration import (
     FieldExtent,
+    Form,
     GridLevel,
     NestedFields,
     Search,
+    Unknowns,
+    depart,
+    form_of,
     narrow,
+    open_up,
+    press_closed,
     project,
     settle,
+    settle_gap,
 )
 from gfmdlayer.contact.pressure_form import CLAMPED, CLOSE, HEIGHT_ROUNDING, trivial_solution
 from gfmdlayer.contact.problem import Problem, Solution, make_solution
@@ -52,25 +59,30 @@ from gfmdlayer.resumable import CompositeState, State
 # interpolate the pressure itself.
 
 _BEFORE, _AFTER = 3, 4  # rows of the coarse grid that rows of the fine one may need beside their own
-_COARSE_TOLERANCE, _COARSE_LIMIT = 1e-3, 60  # of residual and iterations on a coarser grid
+# Of residual and iterations on a coarser grid; of gaps a residual is in pressures.
+_COARSE_TOLERANCE, _COARSE_GAPS, _COARSE_LIMIT = 1e-3, 1e-2, 60
 
 
-def prolong(coarse: GridLevel, at: NestedFields, fine: GridLevel, target: FloatArray) -> None:
-    """Write the pressure of a finer grid, from the state of the coarse one."""
+def prolong(coarse: GridLevel, at: NestedFields, fine: GridLevel, h: FloatArray, target: FloatArray) -> None:
+    """Write the unknowns of a finer grid under the punch h, from the state of the coarse one."""
     shape = (-1, coarse.grid.shape[-1])
     p, gap = at.p.reshape(shape), np.maximum(at.gap - at.level, 0.0).reshape(shape)
     (inside, pressed, outside, apart), _ = coarse.parallel(_at_edges, p, *coarse.grid.halo(p, 1, 1), gap)
     squares, openings = inside / max(pressed, 1.0), apart / max(outside, 1.0)
     mu = squares / openings if openings > 0 else 0.0
     fields = [np.empty((_BEFORE + len(p) + _AFTER, p.shape[1])) for _ in range(3)]
-    pressure, smooth, deep = inner = [field[_BEFORE:-_AFTER] for field in fields]
-    pressure[:] = p
+    values, smooth, deep = inner = [field[_BEFORE:-_AFTER] for field in fields]
     coarse.parallel.only(_smooth, p, *coarse.grid.halo(p, 1, 1), gap, mu, smooth, deep)
+    values[:] = at.h.reshape(shape) - gap if coarse.form.gaps else p
     for field, part in zip(fields, inner, strict=True):
         field[:_BEFORE], field[-_AFTER:] = coarse.grid.halo(part, _BEFORE, _AFTER)
     place = fine.grid.first_row, _BEFORE - coarse.grid.first_row
     rows = (1, 1) if len(fine.grid.points) == 1 else (fine.grid.points[0], coarse.grid.points[0])
-    fine.parallel.only(_interpolate, fine.grid.shape[-1], place, rows, *fields, target)
+    where = fine.grid.shape[-1], place, rows
+    if coarse.form.gaps:
+        fine.parallel.only(_interpolate_gaps, *where, *fields[:2], h, target)
+    else:
+        fine.parallel.only(_interpolate, *where, *fields, target)
 
 
 @kernel(reorder=True)
@@ -168,47 +180,113 @@ def _interpolate(
                 target[i * columns + j] = np.sqrt(s) if s > 0.0 else 0.0
 
 
+@kernel(reorder=True)
+def _interpolate_gaps(
+    first: int, end: int, columns: int, place: tuple[int, int], whole: tuple[int, int], u: FloatArray,
+    smooth: FloatArray, h: FloatArray, target: FloatArray,
+) -> None:  # fmt: skip
+    """Interpolate displacements by cubic polynomials; write the gap of the fine grid, closed in contact."""
+    n = u.shape[1]
+    line, edge = np.empty(n + 3), np.empty(n + 1)  # with the points beside the first and the last
+    left, part, weights = np.empty(columns, np.int64), np.empty(columns), np.empty((4, columns))
+    for j in range(columns):
+        x = j * n / columns
+        left[j], part[j] = int(x), x - int(x)
+        weights[0, j], weights[1, j], weights[2, j], weights[3, j] = _weights(x - int(x))
+    halves, inner = weights[:, 1], np.empty(columns)
+    for i in range(first // columns, end // columns):
+        y = (i + place[0]) * whole[1] / whole[0]
+        row = int(y)
+        y -= row
+        row, wy = row + place[1], _weights(y)
+        one, two, three, four = u[row - 1], u[row], u[row + 1], u[row + 2]
+        near, far, middle = smooth[row], smooth[row + 1], line[1:]
+        for m in range(n):
+            middle[m] = wy[0] * one[m] + wy[1] * two[m] + wy[2] * three[m] + wy[3] * four[m]
+            edge[m] = near[m] + y * (far[m] - near[m])
+        line[0], line[n + 1], line[n + 2], edge[n] = line[n], line[1], line[2], edge[0]
+        hs, gaps = h[i * columns : (i + 1) * columns], target[i * columns : (i + 1) * columns]
+        if columns == 2 * n:
+            second, third, fourth, beside = line[1:], line[2:], line[3:], edge[1:]
+            for m in range(n):
+                between = halves[0] * line[m] + halves[1] * second[m] + halves[2] * third[m]
+                gaps[2 * m], gaps[2 * m + 1] = second[m], between + halves[3] * fourth[m]
+                inner[2 * m], inner[2 * m + 1] = edge[m], 0.5 * (edge[m] + beside[m])
+        else:
+            for j in range(columns):
+                m = left[j]
+                gaps[j] = weights[0, j] * line[m] + weights[1, j] * line[m + 1]
+                gaps[j] += weights[2, j] * line[m + 2] + weights[3, j] * line[m + 3]
+                inner[j] = edge[m] + part[j] * (edge[m + 1] - edge[m])
+        for j in range(columns):
+            gap = hs[j] - gaps[j]
+            gaps[j] = 0.0 if (inner[j] > 0.0) | (gap < 0.0) else gap
+
+
 def nest(fine: GridLevel, transforms: Transforms, problem: Problem, at: NestedFields) -> float:
-    """Write the pressure of a first guess; return the pairs in single precision, as parts of fine ones."""
+    """Write the unknowns of a first guess; return the pairs in single precision, as parts of fine ones."""
     surface = transforms.forward(problem.obstacle)
     free = np.zeros_like(surface)
     fine.displace(problem, free, np.empty_like(free))
     last, pairs = None, 0.0
     for grid in reversed(fine.grid.nested[1:]):
         coarse = transforms.of_shape(grid.points, single=True)
-        level = GridLevel(grid, coarse, transforms.truncated(problem.stiffness, coarse), fine.floor)
+        stiffness = transforms.truncated(problem.stiffness, coarse)
+        level = GridLevel(grid, coarse, problem, stiffness, fine.form)
         fields = (coarse.backward(transforms.truncated(waves, coarse)) for waves in (surface, free))
         h, displaced = (field.astype(np.float64) / fine.grid.size for field in fields)
         load = None if at.load is None else at.load * grid.size / fine.grid.size
         state = NestedFields(h, h - displaced, np.zeros_like(h), np.zeros_like(h), load, at.cap)
         if not _prolonged(last, level, state):
-            _press(level, state)
-        level.add_response(state)
-        level.set_scales(state)
-        Search(level, state).run(_COARSE_TOLERANCE, _COARSE_LIMIT)
+            _touch(level, state)
+        if fine.form.gaps:
+            _search_gaps(level, state)
+        else:
+            level.add_response(state)
+            level.set_scales(state)
+            search = Search(level, state.unknowns())
+            search.run(_COARSE_TOLERANCE, _COARSE_LIMIT)
+            state.level = search.at.level
         pairs += (level.pairs + 1) * grid.size / fine.grid.size
         last = level, state
     if not _prolonged(last, fine, at):
         if at.load is not None:  # its place holds the gap of a guess, if anything
             at.gap0[:] = problem.obstacle - transforms.backward(free) / fine.grid.size
-        _press(fine, at)
+        _touch(fine, at)
     return pairs
 
 
+def _search_gaps(level: GridLevel, at: NestedFields) -> None:
+    """Search from the gap of a guess on a coarser grid; write the pressure."""
+    np.subtract(at.gap, at.gap0, out=level.step, casting="same_kind")
+    level.respond()
+    at.p[:] = level.change
+    if at.load is not None:
+        at.p += at.load / level.grid.size
+    search = Search(level, level.gaps_of(at))
+    search.run(_COARSE_GAPS, _COARSE_LIMIT)
+    level.parallel.only(press_closed, search.at.level, at.gap, at.p)
+    at.level = 0.0
+
+
 def _prolonged(last: tuple[GridLevel, NestedFields] | None, level: GridLevel, at: NestedFields) -> bool:
-    """Write the pressure of a coarser grid, of the given load; return whether there is any."""
+    """Write the unknowns of a coarser grid, of the given sum; return whether there are any."""
     if last is None:
         return False
-    prolong(*last, level, at.p)
-    return level.set_load(at)
+    prolong(*last, level, at.h, at.gap if level.form.gaps else at.p)
+    return level.set_sum(at) if level.form.gaps else level.set_load(at)
 
 
-def _press(level: GridLevel, at: NestedFields) -> None:
-    """Write a first pressure where the punch lies lowest, of the given load."""
+def _touch(level: GridLevel, at: NestedFields) -> None:
+    """Write first unknowns: closed, or under pressure, where the punch lies lowest."""
     sums = level.grid.sums
     lowest, mean = sums.minimum(float(at.gap0.min())), sums.mean(at.gap0)
     # Where the load is given, half way up to the mean height.
     height = 0.0 if at.load is None else 0.5 * (lowest + mean)
+    if level.form.gaps:
+        np.fmax(at.gap0 - height, 0.0, out=at.gap)
+        level.set_sum(at)
+        return
     np.multiply(level.stiffest, np.fmax(height - at.gap0, 0.0), out=at.p)
     if not level.set_load(at) and at.load is not None:
         at.p[:] = at.load / level.grid.size  # the punch lies equally low everywhere
@@ -238,6 +316,7 @@ class NestedGradient:
         self._grid = grid or Grid(transforms.shape, (1.0,) * len(transforms.shape))
         self._fine: GridLevel | None = None
         self._stiffness: FloatArray = np.empty(0)
+        self._kind = False, False  # whether no load is given, and whether pressures end
         self._narrow: list[FloatArray] = []  # in single precision: pressure, gap, gap without pressure
         self._work = transforms.empty_spectrum()
         self._active_set: ActiveSet | None = None  # made when a problem is first handed over
@@ -262,22 +341,17 @@ class NestedGradient:
         if search is None or not search.residual < _POOR:
             coarse = nest(fine, self._transforms, problem, at)
             self._doubles += 0.5
-            search = self._search(fine, at, self._evaluate(problem, fine, at)[1], tolerance)
+            search = self._from_nest(fine, problem, at, tolerance)
         iterations, last = 0, np.inf
         while True:
             left = min(_LIMIT, limit - iterations)
             iterations += search.run(CLOSE * tolerance, left)
-            if search.at is not at:
-                np.copyto(at.p, search.at.p)
-                if at.cap is not None:  # exactly, as it was in single precision
-                    at.p[search.at.p >= np.float32(at.cap)] = at.cap
-            spectrum, extent = self._evaluate(problem, fine, at)
-            solution = self._solution(problem, fine, at, spectrum, extent, tolerance)
+            solution, unknowns = self._assessed(problem, fine, at, search.at, tolerance)
             if solution.converged or left <= 0 or not solution.residual < _PROGRESS * last:
                 break
-            if at.load is None:
+            if at.load is None and not fine.form.gaps:
                 self._evaluate(problem, fine, at)  # the gap, with the overlap that the solution has not
-            last, search = solution.residual, Search(fine, at)
+            last, search = solution.residual, Search(fine, unknowns)
         self.spent = self._doubles, fine.pairs + coarse
         pairs, part = divmod(self._doubles + 0.5 * self.spent[1] + self._part, 1.0)
         solution = replace(solution, transforms=int(pairs), iterations=iterations)
@@ -286,7 +360,7 @@ class NestedGradient:
             return solution
         if at.cap is not None:
             return self._by_sets(problem, solution, tolerance, limit)
-        solution = self._by_active_set(problem, at.p, (int(pairs), iterations), tolerance, limit)
+        solution = self._by_active_set(problem, solution.pressure, (int(pairs), iterations), tolerance, limit)
         self._failures += solution.converged
         return solution
 
@@ -310,13 +384,20 @@ class NestedGradient:
             project(0, 1, 1.0, 0.0, None, p, single, single, single)
 
     def _level_of(self, problem: Problem) -> GridLevel:
-        """The operators of the grid, made anew only where the stiffness has changed."""
-        if self._fine is None:
-            single = self._transforms.of_shape(self._grid.points, single=True)
-            self._fine = GridLevel(self._grid, single, problem.stiffness, problem.residual_floor)
-        elif not self._grid.sums.minimum(int(np.array_equal(problem.stiffness, self._stiffness))):
-            self._fine.set_stiffness(problem.stiffness)  # by all ranks, whoever's part has changed
-        self._stiffness, self._fine.floor, self._fine.pairs = problem.stiffness, problem.residual_floor, 0
+        """The operators of the grid, made anew only where they have changed."""
+        kind = problem.mean_pressure is None, problem.hardness < np.inf
+        same = kind == self._kind and np.array_equal(problem.stiffness, self._stiffness)
+        if not self._grid.sums.minimum(int(same)):  # by all ranks, whoever's part has changed
+            form = Form() if kind[1] else form_of(self._grid, problem.stiffness)
+            operator = problem, problem.stiffness, form
+            if self._fine is None:
+                single = self._transforms.of_shape(self._grid.points, single=True)
+                self._fine = GridLevel(self._grid, single, *operator)
+            else:
+                self._fine.set_operator(*operator)
+            self._stiffness, self._kind = problem.stiffness, kind
+        assert self._fine is not None
+        self._fine.floor, self._fine.pairs = problem.residual_floor, 0
         return self._fine
 
     def _fields(self, fine: GridLevel, problem: Problem, start: FloatArray, tolerance: float) -> NestedFields:
@@ -354,12 +435,138 @@ class NestedGradient:
         """Begin with the first guess, if it has any pressure."""
         if not fine.set_load(at):
             return None
-        return self._search(fine, at, self._evaluate(problem, fine, at)[1], tolerance)
+        extent = self._evaluate(problem, fine, at)[1]
+        if fine.form.gaps:
+            return self._from_pressure(fine, problem, at)
+        return self._search(fine, at, extent, tolerance)
+
+    def _from_nest(self, fine: GridLevel, problem: Problem, at: NestedFields, tolerance: float) -> Search:
+        """Begin with the unknowns of coarser grids."""
+        if not fine.form.gaps:
+            return self._search(fine, at, self._evaluate(problem, fine, at)[1], tolerance)
+        self._evaluate_gap(problem, fine, at)
+        return Search(fine, fine.gaps_of(at))
+
+    def _evaluate_gap(self, problem: Problem, fine: GridLevel, at: NestedFields) -> ComplexArray:
+        """Write the pressure of the gap; return the transform of the displacement."""
+        np.subtract(at.h, at.gap, out=at.p)
+        spectrum: ComplexArray = self._transforms.empty_spectrum()
+        self._transforms.transform(at.p, spectrum)
+        fine.press(problem, spectrum, self._work)
+        self._transforms.transform_back(self._work, at.p)
+        self._doubles += 1
+        if at.load is not None:
+            at.p += at.load / self._grid.size
+        return spectrum
+
+    def _from_pressure(self, fine: GridLevel, problem: Problem, at: NestedFields) -> Search:
+        """Begin with the gap of a pressure, made admissible, and the pressure of that."""
+        level = 0.0 if at.load is None else at.level
+        (total, admissible), _ = fine.parallel(open_up, level, at.p, at.gap)
+        factor = total / admissible if problem.mean_is_fixed else 1.0
+        fine.parallel.only(depart, level, factor, at.p, at.gap, fine.step)
+        fine.respond()
+        at.p += fine.change
+        return Search(fine, fine.gaps_of(at))
+
+    def _assessed(
+        self, problem: Problem, fine: GridLevel, at: NestedFields, found: Unknowns, tolerance: float
+    ) -> tuple[Solution, Unknowns]:
+        """The solution that a search has found, in double precision, and the unknowns to go on with."""
+        if fine.form.gaps:
+            spectrum = self._evaluate_gap(problem, fine, at)
+            unknowns = fine.gaps_of(at)
+            return self._solution_of_gap(problem, fine, at, unknowns, spectrum, tolerance), unknowns
+        if found.x is not at.p:
+            np.copyto(at.p, found.x)
+            if at.cap is not None:  # exactly, as it was in single precision
+                at.p[found.x >= np.float32(at.cap)] = at.cap
+        spectrum, extent = self._evaluate(problem, fine, at)
+        solution = self._solution(problem, fine, at, spectrum, extent, tolerance)
+        return solution, at.unknowns()
+
+    def _fields(self, fine: GridLevel, problem: Problem, start: FloatArray, tolerance: float) -> NestedFields:
+        """The problem with the first guess, not negative; NaN counts as zero."""
+        p, gap = self._transforms.empty_field(), self._transforms.empty_field()
+        np.fmax(start, 0.0, out=p)
+        cap = problem.hardness if problem.hardness < np.inf else None
+        if cap is not None:
+            p[p >= (1.0 - _EXTRAPOLATED) * cap] = cap
+        if problem.mean_pressure is not None:
+            return NestedFields(problem.obstacle, gap, p, gap, problem.mean_pressure * self._grid.size, cap)
+        at = NestedFields(
+            problem.obstacle, self._transforms.empty_field(), p, gap, None, cap, _AIM * tolerance
+        )
+        nothing = np.zeros_like(self._work)
+        fine.displace(problem, nothing, self._work)
+        self._transforms.transform_back(self._work, at.gap0)
+        np.subtract(at.h, at.gap0 / self._grid.size, out=at.gap0)
+        self._doubles += 0.5
+        return at
+
+    def _no_contact(self, fine: GridLevel, problem: Problem, at: NestedFields, tolerance: float) -> Solution:
+        """Return the surface without pressure, which nothing presses: a search would leave its aim as one."""
+        at.p[:] = 0.0
+        spectrum, extent = self._evaluate(problem, fine, at)
+        solution = self._solution(problem, fine, at, spectrum, extent, tolerance)
+        self.spent = self._doubles, 0.0
+        pairs, self._part = divmod(self._doubles + self._part, 1.0)
+        self._failures = 0
+        return replace(solution, transforms=int(pairs))
+
+    def _from_guess(
+        self, fine: GridLevel, problem: Problem, at: NestedFields, tolerance: float
+    ) -> Search | None:
+        """Begin with the first guess, if it has any pressure."""
+        if not fine.set_load(at):
+            return None
+        extent = self._evaluate(problem, fine, at)[1]
+        if fine.form.gaps:
+            return self._from_pressure(fine, problem, at)
+        return self._search(fine, at, extent, tolerance)
+
+    def _from_nest(self, fine: GridLevel, problem: Problem, at: NestedFields, tolerance: float) -> Search:
+        """Begin with the unknowns of coarser grids."""
+        if not fine.form.gaps:
+            return self._search(fine, at, self._evaluate(problem, fine, at)[1], tolerance)
+        self._evaluate_gap(problem, fine, at)
+        return Search(fine, fine.gaps_of(at))
+
+    def _evaluate_gap(self, problem: Problem, fine: GridLevel, at: NestedFields) -> ComplexArray:
+        """Write the pressure of the gap; return the transform of the displacement."""
+        np.subtract(at.h, at.gap, out=at.p)
+        spectrum: ComplexArray = self._transforms.empty_spectrum()
+        self._transforms.transform(at.p, spectrum)
+        fine.press(problem, spectrum, self._work)
+        self._transforms.transform_back(self._work, at.p)
+        self._doubles += 1
+        if at.load is not None:
+            at.p += at.load / self._grid.size
+        return spectrum
+
+    def _from_pressure(self, fine: GridLevel, problem: Problem, at: NestedFields) -> Search:
+        """Begin with the gap of a pressure, made admissible, and the pressure of that."""
+        level = 0.0 if at.load is None else at.level
+        (total, admissible), _ = fine.parallel(open_up, level, at.p, at.gap)
+        factor = total / admissible if problem.mean_is_fixed else 1.0
+        fine.parallel.only(depart, level, factor, at.p, at.gap, fine.step)
+        fine.respond()
+        at.p += fine.change
+        return Search(fine, fine.gaps_of(at))
+
+    def _take(self, search: Search, fine: GridLevel, at: NestedFields) -> None:
+        """Write the pressure that a search has found."""
+        if fine.form.gaps:
+            fine.parallel.only(press_closed, search.at.level, at.gap, at.p)
+        elif search.at.x is not at.p:
+            np.copyto(at.p, search.at.x)
+            if at.cap is not None:  # exactly, as it was in single precision
+                at.p[search.at.x >= np.float32(at.cap)] = at.cap
 
     def _search(self, fine: GridLevel, at: NestedFields, extent: FieldExtent, tolerance: float) -> Search:
         """Begin with a state, in single precision where that resolves the gaps."""
         if tolerance < _SINGLE or not at.scales[1] > _SHALLOW * (extent.gap - at.level):
-            return Search(fine, at)
+            return Search(fine, at.unknowns())
         load_given = at.load is not None
         fields = [at.p, at.gap] if load_given else [at.p, at.gap, at.gap0]
         while len(self._narrow) < len(fields):
@@ -368,9 +575,8 @@ class NestedGradient:
         for less, field, narrowed in zip((0.0, shift, 0.0), fields, self._narrow, strict=False):
             fine.parallel.only(narrow, less, field, narrowed)
         p, gap = self._narrow[:2]
-        gap0 = gap if load_given else self._narrow[2]
-        now = NestedFields(at.h, gap0, p, gap, at.load, at.cap, at.aim, at.scales, at.level - shift)
-        return Search(fine, now)
+        gap0 = None if load_given else self._narrow[2]
+        return Search(fine, Unknowns(p, gap, at.load, at.scales, at.level - shift, gap0, at.cap))
 
     def _evaluate(
         self, problem: Problem, fine: GridLevel, at: NestedFields
@@ -411,6 +617,33 @@ class NestedGradient:
         return make_solution(
             problem, u, at.p, spectrum, spent=(0, 0), within=tolerance if clear else -1.0, gap=at.gap,
             flow=flow, assessment=(residual if finite else np.nan, touching / size, load / size, gaps / size),
+        )  # fmt: skip
+
+    def _solution_of_gap(
+        self,
+        problem: Problem,
+        fine: GridLevel,
+        at: NestedFields,
+        found: Unknowns,
+        spectrum: ComplexArray,
+        tolerance: float,
+    ) -> Solution:
+        """Take the pressure away where the gap is open, where it is an error, and assess the state."""
+        u, p, size = self._transforms.empty_field(), self._transforms.empty_field(), self._grid.size
+        depth, pressure = found.scales
+        fields = at.h, at.gap, at.p, u, p
+        sums, (residual,) = fine.parallel(settle_gap, 1.0 / pressure, 1.0 / depth, found.level, *fields)
+        touching, load, gaps, total = sums
+        if at.load is not None and load > 0:
+            factor = at.load / load
+            p *= factor
+            load, residual = at.load, max(residual, abs(factor - 1.0))
+        if self._grid.first_row == 0:
+            spectrum[0] = total
+        finite = np.isfinite(load) and np.isfinite(gaps)
+        return make_solution(
+            problem, u, p, spectrum, spent=(0, 0), within=tolerance, gap=at.gap.copy(),
+            assessment=(residual if finite else np.nan, touching / size, load / size, gaps / size),
         )  # fmt: skip
 
     def _by_sets(self, problem: Problem, last: Solution, tolerance: float, limit: int) -> Solution:

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gfmdlayer.arrays import ComplexArray, FloatArray
-from gfmdlayer.contact.newton.cycle import PRESSED, Cycle, run_cycle, set_cycle, unit_of
+from gfmdlayer.contact.cycle import PRESSED, Cycle, run_cycle, set_cycle, set_one, unit_of
 from gfmdlayer.contact.residual import ResidualFloor, scales, violation
 from gfmdlayer.grid.sums import Completion, greatest, summed
 from gfmdlayer.grid.transforms import Plans, backward, forward
@@ -250,7 +250,8 @@ def begin(
         d[i], response[i], force[i] = 0.0, 0.0, free[i] * pressure[i] * per_unit
         stiffness[i] = (curvature[i] + damping) * per_stiff if free[i] > 0.0 else PRESSED
     if step.cycle.grids.size > 0:
-        set_cycle(step.cycle, step.direction)
+        set_cycle(step.cycle)
+        set_one(step.cycle, step.direction)
     else:
         _set_softening(system, curvature, step, damping)
     if lack == 0.0:

@@ -51,7 +51,7 @@ from typing import Any, ClassVar, Literal, NamedTuple
 import numpy as np
 
 from gfmdlayer.arrays import ComplexArray, FloatArray
-from gfmdlayer.contact.newton.cycle import cycle_of, no_cycle, unit_of
+from gfmdlayer.contact.cycle import cycle_of, no_cycle, unit_of
 from gfmdlayer.contact.newton.passes import (
     AdhesiveState,
     AdhesiveSystem,
