@@ -1,9 +1,10 @@
 #!/usr/bin/env bash
-# Tests the scripts in slurm/ on a Slurm of one node, which is installed from Debian's packages and stopped at the end.
+# Tests the scripts in slurm/ on a Slurm of one node, which is stopped at the end.
 # A sweep on ranks and a sweep of an array, each with too short a time limit, must be complete after requeues, and
 # each case must run once. A sweep with a failing case must fail. A cancelled sweep must stay cancelled.
 # Takes some ten minutes. Prints "skipped" and the reason if Slurm cannot start.
-# usage: bash scripts/slurm_node.sh       as root, with gfmdlayer and its mpirun in the PATH or in .venv
+# usage: bash scripts/slurm_node.sh [--install]      as root, with gfmdlayer and its mpirun in the PATH or in .venv
+# --install takes Slurm from Debian's packages where there is none.
 set -euo pipefail
 
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
@@ -15,6 +16,7 @@ command -v gfmdlayer >/dev/null || fail "gfmdlayer is not in the PATH (scripts/e
 (($(nproc --all) >= 2)) || skip "two ranks need two cores"
 [[ $(id -u) == 0 ]] || skip "a Slurm node needs root"
 if ! command -v slurmctld slurmd munged >/dev/null; then
+    [[ ${1-} == --install ]] || skip "Slurm is not installed; --install takes it from Debian's packages"
     command -v apt-get >/dev/null || skip "Slurm is not installed, and there is no apt-get"
     echo "installing slurm-wlm and munge"
     { apt-get update && apt-get install -y --no-install-recommends slurm-wlm munge; } >/dev/null 2>&1 ||

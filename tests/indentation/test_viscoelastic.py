@@ -132,7 +132,9 @@ def test_energy_balance_closes(name):
     assert np.abs(columns["energy_residual"]).max() < 1e-4 * columns["work"].max()
 
 
-@pytest.mark.parametrize("name", BODIES)
+@pytest.mark.parametrize(
+    "name", ["halfspace", pytest.param("rigid base", marks=pytest.mark.slow), "soft base"]
+)
 def test_contact_is_lost_and_found_again_to_the_tolerance(name):
     run = follow(BODIES[name], revolution.sphere(2.0), LOST_AND_FOUND)
     apart = run.radius == 0
