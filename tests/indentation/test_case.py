@@ -71,9 +71,7 @@ def test_a_sphere_with_adhesion_without_a_range_is_torn_off_by_the_force_of_jkr(
     assert -float(found.force.min()) == pytest.approx(1.5 * math.pi * WORK * RADIUS, rel=1e-3)
     times, depths = [0.0, 0.5, 2.0], [0.0, 0.005, -0.01]
     body = gfmdlayer.halfspace(1.0, poisson=0.5)
-    alone = gfmdlayer.indent(
-        body, gfmdlayer.Parabola(radius=RADIUS), times, depth=depths, work_of_adhesion=WORK
-    )
+    alone = gfmdlayer.indent(body, gfmdlayer.Parabola(radius=RADIUS), times, depth=depths, work=WORK)
     np.testing.assert_array_equal(found.force, alone.force)
 
 

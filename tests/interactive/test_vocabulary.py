@@ -82,7 +82,7 @@ def test_a_former_name_works_and_is_told(call, old, new):
 
 
 def test_a_former_name_of_a_body_works_and_is_told():
-    with pytest.warns(FutureWarning, match="base is called halfspace now"):
+    with pytest.warns(FutureWarning, match="is called halfspace"):
         body = gfmdlayer.bonded_layer(0.1, 1.0, base=2.0, base_poisson=0.3)
     assert body == gfmdlayer.bonded_layer(0.1, 1.0, halfspace=2.0, halfspace_poisson=0.3)
     base = gfmdlayer.Halfspace(shear_modulus=2.0)
