@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from gfmdlayer.body.layers import LayerStack, ViscoelasticLayer, bonded_layer, halfspace
     from gfmdlayer.body.materials import Elastic, Material, Prony, Zener
     from gfmdlayer.body.pair import Pair
-    from gfmdlayer.body.relaxation import Spectrum
+    from gfmdlayer.body.relaxation import Spectrum, TractionSpectrum
     from gfmdlayer.body.shifts import WLF, Arrhenius
     from gfmdlayer.body.solid import Solid
     from gfmdlayer.body.tabulated import Tabulated
@@ -87,7 +87,8 @@ __all__ = [
     "HavriliakNegami", "Kohlrausch", "Lattice", "Layer", "LayerStack", "LayeredHalfspace",
     "LennardJones", "Material", "Observable", "Pair", "Parabola", "PowerLaw", "Prony", "Pyramid",
     "RadialProfile", "ResultsError", "SelfAffine", "Sinusoid", "Solid", "Spectrum", "Sphere",
-    "Tabulated", "Topography", "ViscoelasticLayer", "Wavevectors", "Wedge", "Zener", "bonded_layer",
+    "Tabulated", "Topography", "TractionSpectrum", "ViscoelasticLayer", "Wavevectors", "Wedge", "Zener",
+    "bonded_layer",
     "converge", "design_indentation", "fit_indentation", "fit_map", "fit_material", "halfspace",
     "indent", "inside", "leakage", "load", "open_case", "open_results", "plot", "relaxation_spectrum",
     "run", "simulate", "solve",
@@ -131,7 +132,7 @@ _MODULES = {
     "gfmdlayer.observables": ("Column", "Observable"),
     "gfmdlayer.body.continuous": ("FractionalZener", "HavriliakNegami", "Kohlrausch", "PowerLaw"),
     "gfmdlayer.body.shifts": ("WLF", "Arrhenius"),
-    "gfmdlayer.body.relaxation": ("Spectrum",),
+    "gfmdlayer.body.relaxation": ("Spectrum", "TractionSpectrum"),
     "gfmdlayer.body.pair": ("Pair",),
     "gfmdlayer.body.solid": ("Solid",),
     "gfmdlayer.body.wavevectors": ("Wavevectors",),

@@ -56,6 +56,12 @@ class Twice(gfmdlayer.Solid):
 
     def spectrum(self, waves):
         return gfmdlayer.Spectrum.of_material(2 * np.asarray(waves), gfmdlayer.Elastic(1.0))
+
+    def traction_spectrum(self, waves):
+        q = np.asarray(waves)
+        return gfmdlayer.TractionSpectrum.of_material(
+            2 * np.multiply.outer(q, np.eye(2)), q, gfmdlayer.Elastic(1.0)
+        )
 """,
 }
 TOGETHER = "ranks that share a case"

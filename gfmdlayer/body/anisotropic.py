@@ -8,6 +8,10 @@ J. Lothe, Physica Norvegica 7 (1973) 13),
 
 Equal points in omega converge exponentially. K/q is a smooth function of the direction of period pi, and its
 Fourier series is summed at the waves.
+
+Under tractions in all directions the compliance is (L^-1 + i S L^-1)/q with S the mean of -T^-1 R^T (T. C.
+T. Ting, Anisotropic Elasticity, 1996, sec. 6.6): the first part is symmetric, the second one antisymmetric.
+Where neither couples displacements across the wave with the others, it is a `TractionSpectrum`.
 """
 
 from __future__ import annotations
@@ -17,17 +21,22 @@ from collections.abc import Iterator, Sequence
 from functools import lru_cache
 from typing import TYPE_CHECKING, Annotated, Literal
 
+from gfmdlayer.body.materials import Material
 from gfmdlayer.body.solid import OneModulus
 from gfmdlayer.validation.fields import Finite, MustBe, Optional, given
 from gfmdlayer.validation.problems import Mistake, shown
 
 if TYPE_CHECKING:
-    from gfmdlayer.arrays import FloatArray
+    from numpy.typing import ArrayLike
+
+    from gfmdlayer.arrays import ComplexArray, FloatArray
+    from gfmdlayer.body.relaxation import TractionSpectrum
     from gfmdlayer.body.wavevectors import Wavevectors
 
 _SAME = 1e-6  # relative difference of two lengths that are meant to be equal
 _ENOUGH = 1e-14  # relative change of a mean, or Fourier coefficient, that is left out
 _MOST = 4096  # points in omega, or directions
+_DIRECTIONS = 16  # at which the response to shear must be the same
 _SOFTEST = 3e-3  # a strain this much softer than the stiffest constant: K then takes some 20 s
 
 Row = Annotated[
@@ -167,6 +176,41 @@ class Anisotropic(OneModulus):
             over_q += a * np.cos(m * angle) + b * np.sin(m * angle)
         return np.asarray(over_q * waves.magnitude)
 
+    def traction_spectrum(self, waves: Wavevectors | ArrayLike) -> TractionSpectrum:
+        """Return the relaxing modes under tractions in all directions, at wavevectors of any shape.
+
+        Raises
+        ------
+        ValueError
+            If shear moves the surface across the waves too, or differently in their directions.
+        """
+        import numpy as np
+
+        from gfmdlayer.body.relaxation import TractionSpectrum
+        from gfmdlayer.body.wavevectors import Wavevectors
+
+        assert isinstance(self.material, Material)  # as in every run
+        waves = Wavevectors.of(waves)
+        q = waves.magnitude
+        angles = np.unique(np.round(np.arctan2(waves.qy, waves.qx)[q > 0] % np.pi, 9))
+        some = angles[:: max(1, angles.size // _DIRECTIONS)] - math.radians(self.angle)
+        every = _compliances(_turned(self.constants, self.normal, self.along), some)
+        size = np.abs(every[:, 2, 2]).max()
+        # Along the wave, across it, and out of the surface.
+        own, others = every[:, [0, 2, 1]][:, :, [0, 2, 1]], [(0, 2), (1, 2), (2, 0), (2, 1)]
+        odd = [np.abs(own[:, i, j]).max() for i, j in others] + [np.abs(own[:, 0, 1].real).max()]
+        if max(odd) > _SAME * size or np.ptp(own.real, axis=0).max() > _SAME * size:
+            raise ValueError(
+                "shear moves the surface of the crystal across the waves too, or differently in their "
+                "directions, which friction does not have; the normal must be a sixfold axis, or on a line "
+                "along and normal axes of twofold symmetry"
+            )
+        C_UU, C_WW, C_VV = own[0].real.diagonal()
+        C_WU = own[0, 1, 0].imag
+        K = np.array([[C_UU, -C_WU], [-C_WU, C_WW]]) / (C_WW * C_UU - C_WU**2)
+        unit = q / self.material.unit
+        return TractionSpectrum.of_material(np.multiply.outer(unit, K), unit / C_VV, self.material)
+
 
 def _positive(matrix: Sequence[Sequence[float]]) -> bool:
     """Whether a symmetric matrix is positive definite, by its pivots."""
@@ -187,17 +231,12 @@ def _series(
     """Return the Fourier series of K/q over twice the angle: mean, and cosine and sine of each order."""
     import numpy as np
 
-    voigt = np.array([[0, 5, 4], [5, 1, 3], [4, 3, 2]])
-    C, z, x = np.array(constants), np.array(normal), np.array(along)
-    C = ((C + C.T) / 2)[voigt[:, :, np.newaxis, np.newaxis], voigt]
-    # z out of the surface: the crystal is its own mirror image through a point, and K(-q) = K(q).
-    axes = np.stack((x / np.linalg.norm(x), np.cross(z, x), z / np.linalg.norm(z)))
-    axes[1] /= np.linalg.norm(axes[1])
-    C = np.einsum("ai,bj,ck,dl,ijkl->abcd", axes, axes, axes, axes, C, optimize=True)
+    C = _turned(constants, normal, along)
     count = 8
     while True:
         count *= 2
-        series = np.fft.rfft(_at_directions(C, np.pi * np.arange(count) / count)) / count
+        every = _compliances(C, np.pi * np.arange(count) / count)
+        series = np.fft.rfft(1 / every[:, 2, 2].real) / count
         size = np.abs(series)
         if size[count // 4 :].max() <= _ENOUGH * size[0] or count >= _MOST:
             break
@@ -207,22 +246,44 @@ def _series(
     return (float(kept[0].real), *(number for pair in pairs for number in pair))
 
 
-def _at_directions(C: FloatArray, angles: FloatArray) -> FloatArray:
-    """Return K/q of waves along directions in the surface; C is (3, 3, 3, 3)."""
+def _turned(
+    constants: tuple[tuple[float, ...], ...], normal: tuple[float, ...], along: tuple[float, ...]
+) -> FloatArray:
+    """Return C_ijkl over the axes of the surface, z out of it."""
     import numpy as np
 
-    zero = np.zeros(angles.size)
-    e = np.stack((np.cos(angles), np.sin(angles), zero), axis=1)[:, np.newaxis]
+    voigt = np.array([[0, 5, 4], [5, 1, 3], [4, 3, 2]])
+    C, z, x = np.array(constants), np.array(normal), np.array(along)
+    C = ((C + C.T) / 2)[voigt[:, :, np.newaxis, np.newaxis], voigt]
+    # z out of the surface: the crystal is its own mirror image through a point, and K(-q) = K(q).
+    axes = np.stack((x / np.linalg.norm(x), np.cross(z, x), z / np.linalg.norm(z)))
+    axes[1] /= np.linalg.norm(axes[1])
+    return np.asarray(np.einsum("ai,bj,ck,dl,ijkl->abcd", axes, axes, axes, axes, C, optimize=True))
+
+
+def _compliances(C: FloatArray, angles: FloatArray) -> ComplexArray:
+    """Return q times the compliance of waves along directions in the surface, (directions, 3, 3).
+
+    The components are along the wave, across it, and z; C is (3, 3, 3, 3).
+    """
+    import numpy as np
+
+    zero, one = np.zeros(angles.size), np.ones(angles.size)
+    cos, sin = np.cos(angles), np.sin(angles)
+    e = np.stack((cos, sin, zero), axis=1)[:, np.newaxis]
+    frame = np.stack((cos, sin, zero, -sin, cos, zero, zero, zero, one), axis=1).reshape(-1, 3, 3)
     z = np.array([0.0, 0.0, 1.0])
-    count, last = 16, np.full(angles.size, np.inf)
+    count, last = 16, np.full((angles.size, 3, 3), np.inf, dtype=np.complex128)
     while True:
         omega = (np.pi * np.arange(count) / count)[:, np.newaxis]
         n, m = e * np.cos(omega) + z * np.sin(omega), -e * np.sin(omega) + z * np.cos(omega)
         Q, R, T = (
             np.einsum("pwj,ijkl,pwl->pwik", a, C, b, optimize=True) for a, b in ((n, n), (n, m), (m, m))
         )
-        L = (Q - R @ np.linalg.solve(T, np.swapaxes(R, -1, -2))).mean(axis=1)
-        over_q = 1 / np.linalg.inv(L)[:, 2, 2]
-        if np.abs(over_q - last).max() <= _ENOUGH * over_q.max() or count >= _MOST:
-            return np.asarray(over_q)
-        count, last = 2 * count, over_q
+        turned = np.linalg.solve(T, np.swapaxes(R, -1, -2))
+        L, S = (Q - R @ turned).mean(axis=1), -turned.mean(axis=1)
+        inverse = np.linalg.inv(L)
+        found = frame @ (inverse + 1j * S @ inverse) @ np.swapaxes(frame, -1, -2)
+        if np.abs(found - last).max() <= _ENOUGH * np.abs(found).max() or count >= _MOST:
+            return np.asarray(found)
+        count, last = 2 * count, found

@@ -178,10 +178,50 @@ class TractionSpectrum:
 
     Along the unit vector n of a wave the surface moves by i U n, across it by V, and down by W. The tractions
     on the body are i T n, S and the pressure p. (W, U) and (p, T) couple; V and S do not couple with them.
+
+    Parameters
+    ----------
+    in_plane : VectorSpectrum
+        K over (W, U), real.
+    across : Spectrum
+        K over V.
+
+    Examples
+    --------
+    A halfspace of Poisson's ratio nu, of which shear moves the surface up and down:
+
+    >>> nu, q = 0.3, np.array([1.0, 2.0])
+    >>> K = np.array([[2 - 2 * nu, 2 * nu - 1], [2 * nu - 1, 2 - 2 * nu]]) / (3 - 4 * nu)
+    >>> own = gfmdlayer.TractionSpectrum.of_material(2 * np.multiply.outer(q, K), q, gfmdlayer.Elastic(1.0))
+    >>> body = gfmdlayer.halfspace(1.0, poisson=nu).traction_spectrum(q)
+    >>> bool(np.allclose(own.in_plane.relaxed, body.in_plane.relaxed))
+    True
     """
 
-    in_plane: VectorSpectrum  # K over (W, U), real
-    across: Spectrum  # K_t over V
+    in_plane: VectorSpectrum
+    across: Spectrum
+
+    @classmethod
+    def of_material(cls, in_plane: ArrayLike, across: ArrayLike, material: Branched) -> TractionSpectrum:
+        """Return the modes of stiffnesses that are proportional to one modulus.
+
+        Parameters
+        ----------
+        in_plane : array_like, shape (*q.shape, 2, 2)
+            K/G over (W, U), symmetric and not negative.
+        across : array_like, of the shape of q
+            K/G over V.
+        material : Material
+            Law G(s), a spring beside Maxwell branches.
+        """
+        unit, (moduli, times) = np.asarray(in_plane, dtype=float), distinct_branches(material)
+        values, axes = np.linalg.eigh(unit)
+        # A branch has a mode along each principal direction of K.
+        along = np.moveaxis(axes * np.sqrt(np.maximum(values, 0.0))[..., np.newaxis, :], -1, 0)
+        vectors = np.multiply.outer(np.sqrt(moduli), along).reshape(-1, *unit.shape[:-1])
+        rows = np.multiply.outer(np.repeat(times, 2), np.ones(unit.shape[:-2]))
+        plane = VectorSpectrum(unit * material.relaxed, vectors, rows)
+        return cls(plane, Spectrum.of_material(across, material))
 
 
 def distinct_branches(material: Branched) -> tuple[FloatArray, FloatArray]:

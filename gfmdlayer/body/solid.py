@@ -64,6 +64,11 @@ class Solid(Kind):
         Whether K(q) grows like q for short waves, as on a halfspace: an isolated, axisymmetric indenter needs
         this, and a stiffness that does not depend on the direction.
 
+    Notes
+    -----
+    With friction the body needs K(q) as a matrix over the directions: a method ``traction_spectrum(waves)``
+    that returns a `TractionSpectrum`.
+
     Examples
     --------
     A bed of independent springs of stiffness k, pressure over displacement:
@@ -308,6 +313,39 @@ def fault(body: Body, waves: Wavevectors) -> str:
             return f"stiffness(waves, s) {wrong} at s = {s:.6g}; must be"
         if not _close(K, body.stiffness(back, s)):
             return "stiffness(waves, s) differs between q and -q; must be equal"
+    return ""
+
+
+def fault_under_shear(body: Any, waves: Wavevectors) -> str:
+    """Return why `traction_spectrum` is no stiffness, or not that of the body under pressure alone, if so."""
+    import numpy as np
+
+    found = body.traction_spectrum(waves)
+    plane, across = found.in_plane, found.across
+    shapes = {
+        "in_plane.relaxed": (plane.relaxed, (*waves.shape, 2, 2)),
+        "in_plane.vectors": (plane.vectors, (len(plane.times), *waves.shape, 2)),
+        "in_plane.times": (plane.times, (len(plane.times), *waves.shape)),
+        "across.relaxed": (across.relaxed, waves.shape),
+        "across.weights": (across.weights, (len(across.times), *waves.shape)),
+        "across.times": (across.times, (len(across.times), *waves.shape)),
+    }
+    for name, (values, shape) in shapes.items():
+        if np.shape(values) != shape:
+            return f"traction_spectrum(waves).{name} has the shape {np.shape(values)}; must be {shape}"
+        if not np.isfinite(values).all():
+            return f"traction_spectrum(waves).{name} is not finite at all wavevectors; must be"
+    if (across.weights < 0).any() or (plane.times <= 0).any() or (across.times <= 0).any():
+        return "traction_spectrum(waves) has a weight < 0 or a time <= 0; must be weights >= 0 and times > 0"
+    least = np.minimum(np.linalg.eigvalsh(plane.relaxed)[1:, 0], across.relaxed[1:])
+    if (least <= 0).any():
+        q = waves.magnitude[1:][least <= 0][0]
+        return f"traction_spectrum(waves) is not positive at |q| = {q:.6g}; must be"
+    for s in (0.0, *(1 / np.unique(plane.times)[:: max(1, plane.times.size // 8)])):
+        K = plane.stiffness(s)[1:]
+        if not _close(K[:, 0, 0] - K[:, 0, 1] * K[:, 1, 0] / K[:, 1, 1], body.stiffness(waves, s)[1:]):
+            wrong = "without shear traction is not stiffness(waves, s)"
+            return f"traction_spectrum(waves) {wrong} at s = {s:.6g}; must be"
     return ""
 
 

@@ -20,7 +20,6 @@ from typing import Annotated, Any
 
 from pydantic import Discriminator, Field, Tag
 
-from gfmdlayer.body.layers import Layers
 from gfmdlayer.config.sections import AT_ONCE, MOST_ROWS, Time
 from gfmdlayer.contact.solvers import AUTO
 from gfmdlayer.interface.interface import FrictionLaw
@@ -466,9 +465,10 @@ def _problems_beside(config: Any, at: Location, words: str) -> Iterator[Mistake]
 
 def _without_shear(body: Any) -> tuple[bool, str, Reason]:
     """Return whether a body has no response to shear tractions, what it would have to give, and why."""
-    if isinstance(body, Layers | None):
+    if body is None or hasattr(body, "traction_spectrum"):
         return False, "", ""
     message = (
-        f"got kind: {body.kind}, which does not give K(q) as a matrix over the directions; must be layers,"
+        f"got kind: {body.kind}, which does not give K(q) as a matrix over the directions; must be layers, "
+        "or a body with the method traction_spectrum"
     )
-    return True, f"{message} which have a shear response", "physics" if body.kind == "table" else "open"
+    return True, message, "physics" if body.kind == "table" else "open"

@@ -670,7 +670,7 @@ def _response(given: _Asked, body: Any) -> AnyResponse:
     grid, glassy = given.grid, given.glassy
     for each in (body.first, body.second) if isinstance(body, Pair) else (body,):
         if not hasattr(each, "traction_spectrum"):
-            needed = "must be a halfspace or layers, with the method traction_spectrum"
+            needed = "must be a halfspace or layers, or have the method traction_spectrum"
             raise ConfigError([f"body: {type(each).__name__} has no response to shear; {needed}"])
     if given.boundary:
         creep = kernels_without_images(body, grid, given.boundary)

@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 
 import gfmdlayer
-from gfmdlayer import Anisotropic, Elastic, Lattice, Tabulated, Wavevectors, Zener
+from gfmdlayer import Anisotropic, Elastic, Lattice, Tabulated, TractionSpectrum, Wavevectors, Zener
 from gfmdlayer.body.closed_form import LayeredHalfspace
-from gfmdlayer.body.solid import fault
+from gfmdlayer.body.solid import fault, fault_under_shear
+from gfmdlayer.case.model import model_of
 
 R = math.sqrt(0.5)
 
@@ -345,3 +346,87 @@ def test_all_solvers_find_the_same_contact_on_a_lattice(method):
         for each in (method, "fire")
     )
     assert float(abs(one - other).max()) < 1e-7 * float(one.max())
+
+
+# Friction: K(q) over all directions.
+
+G, NU = 1.3, 0.3
+LAME = 2 * G * NU / (1 - 2 * NU)
+ISOTROPIC = {"C11": LAME + 2 * G, "C12": LAME, "C44": G}
+HEXAGONAL = {"C11": 5.0, "C12": 2.0, "C13": 1.5, "C33": 7.0, "C44": 1.2, "C66": 1.5}
+RELAXING = Zener(G0=1.0, Ginf=5.0, tau=1.0)
+
+
+@pytest.mark.parametrize("s", [0.0, 0.5, 1e9])
+def test_an_isotropic_crystal_answers_to_shear_like_a_halfspace(s):
+    waves = at([0, 30, 200], np.array([0.5, 1.0, 2.0]))
+    found = Anisotropic(**ISOTROPIC, material=RELAXING).traction_spectrum(waves)
+    exact = gfmdlayer.halfspace(Zener(G, 5 * G, 1.0), poisson=NU).traction_spectrum(waves)
+    assert found.in_plane.stiffness(s) == pytest.approx(exact.in_plane.stiffness(s), rel=1e-12)
+    assert found.across.stiffness(s) == pytest.approx(exact.across.stiffness(s), rel=1e-12)
+
+
+def test_a_sixfold_axis_has_the_closed_form_across_and_its_own_stiffness_under_pressure():
+    """Shear across the waves is antiplane: K = q (C44 C66)^(1/2)."""
+    body, waves = Anisotropic(**HEXAGONAL), at([0, 10, 45, 90], 2.0)
+    found = body.traction_spectrum(waves)
+    assert found.across.relaxed == pytest.approx(2 * math.sqrt(1.2 * 1.5), rel=1e-12)
+    K = found.in_plane.relaxed
+    free = K[:, 0, 0] - K[:, 0, 1] ** 2 / K[:, 1, 1]  # no shear traction
+    assert free == pytest.approx(body.stiffness(waves, 0.0), rel=1e-12)
+    assert (K.swapaxes(1, 2) == K).all()
+    assert not fault_under_shear(body, Wavevectors.of_components(np.r_[0, waves.qx], np.r_[0, waves.qy]))
+
+
+@pytest.mark.parametrize("points", [64, [24, 24]], ids=["line", "surface"])
+def test_friction_on_an_isotropic_crystal_is_that_on_a_halfspace(points):
+    given = {
+        "name": "a", "grid": {"points": points}, "interface": {"law": "coulomb", "coefficient": 0.3},
+        "trajectory": {"depth": 0.02, "ramp_time": 0.5, "tangential": {"displacement": 0.005}},
+        "time": {"end": 1.0, "step": 0.125},
+    }  # fmt: skip
+    law = {"model": "zener", "G0": G, "Ginf": 5 * G, "tau": 1.0}
+    one = gfmdlayer.run(given | {"body": {"kind": "anisotropic", **ISOTROPIC, "material": law}})
+    layer = {"thickness": 0.5, "poisson": NU, "material": law}
+    two = gfmdlayer.run(given | {"layer": layer, "halfspace": {"poisson": NU, "material": law}})
+    for name in ("force", "tangential_force", "slip_heat", "dissipated"):
+        assert one[name].values == pytest.approx(two[name].values, rel=1e-9, abs=1e-12)
+
+
+def test_a_crystal_that_shear_moves_across_the_waves_is_refused_before_a_run():
+    cubic_face = {"kind": "anisotropic", "C11": 165.8, "C12": 63.9, "C44": 79.6}
+    given = {"name": "a", "grid": {"points": [16, 16]}, "interface": {"law": "coulomb", "coefficient": 0.3}}
+    with pytest.raises(gfmdlayer.ConfigError, match="the normal must be a sixfold axis"):
+        gfmdlayer.run(given | {"body": cubic_face})
+    (refusal,) = model_of(gfmdlayer.Config(**given, body=cubic_face)).problems()
+    assert refusal[0] == "body"
+    line = given | {"grid": {"points": 64}, "body": cubic_face}
+    assert not list(model_of(gfmdlayer.Config(**line)).problems())
+
+
+class Own(gfmdlayer.Solid):
+    """A halfspace of a user, with the matrix over the directions, off by a factor."""
+
+    factor: float = 1.0
+
+    def stiffness(self, waves, s):
+        return gfmdlayer.halfspace(G, poisson=NU).stiffness(waves, s)
+
+    def spectrum(self, waves):
+        return gfmdlayer.halfspace(G, poisson=NU).spectrum(waves)
+
+    def traction_spectrum(self, waves):
+        q = np.asarray(waves)
+        K = np.array([[2 - 2 * NU, 2 * NU - 1], [2 * NU - 1, 2 - 2 * NU]]) * 2 / (3 - 4 * NU)
+        return TractionSpectrum.of_material(self.factor * np.multiply.outer(q, K), q, Elastic(G))
+
+
+def test_a_body_of_a_user_with_the_matrix_goes_with_friction():
+    punch = gfmdlayer.Parabola(radius=1.0)
+    given = {"force": 0.02, "points": (32, 32), "friction": 0.3, "tangential_force": 0.003}
+    one, two = (gfmdlayer.solve(each, punch, **given) for each in (Own(), gfmdlayer.halfspace(G, poisson=NU)))
+    assert float(one.tangential_displacement_x) == pytest.approx(float(two.tangential_displacement_x))
+    waves = Wavevectors.of_components(np.arange(4.0), np.zeros(4))
+    assert not fault_under_shear(Own(), waves)
+    assert "without shear traction is not stiffness(waves, s)" in fault_under_shear(Own(factor=1.1), waves)
+    assert "is not positive" in fault_under_shear(Own(factor=-1.0), waves)
