@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
 LEGEND_MOST = 6
 MOST_TICKS = 12  # of a colour bar of values in their order
-_LINE = 1.5  # height of a label of a tick, over that of its letters
+_LINE = 2.0  # height of a label of a tick, over that of its letters
 
 
 class Scale(NamedTuple):
