@@ -51,7 +51,10 @@ class ConfigMeasures(OwnUnits):
             found = time.end if word == "end" else trajectory.peak_time
             if found is not None:
                 return found
-            message = "which is not known of a table before the run; give a time"
+            # A stored configuration would need the file of the table whenever its results are opened.
+            message = (
+                "which is in the table of trajectory.file, and results stay when this moves; give the time"
+            )
         raise PydanticCustomError("moment", f"got {word!r}, {message}")
 
     @cached_property

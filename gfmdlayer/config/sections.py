@@ -478,7 +478,7 @@ class Inside(Section):
 class Output(Section):
     """Output besides the curves: snapshots of the surface, times of the rows, patches, distributions.
 
-    Times may be the words `start`, `peak` (the first of the trajectory) and `end` of the run.
+    Times may be the words `start`, `peak` (the first of the trajectory, not of a table) and `end` of the run.
     """
 
     snapshots: Snapshots = ()

@@ -34,6 +34,7 @@ if TYPE_CHECKING:
 
 LEGEND_MOST = 6
 MOST_TICKS = 12  # of a colour bar of values in their order
+_LINE = 2.0  # height of a label of a tick, over that of its letters
 
 
 class Scale(NamedTuple):
@@ -122,7 +123,11 @@ class ColourBar(NamedTuple):
         """Draw it beside panels."""
         bar = figure.colorbar(self.mappable, ax=panels, aspect=30, pad=0.02)
         if self.scale.kind == "order":
-            bar.set_ticks(self.scale.ticks, labels=self.scale.labels)
+            height = bar.ax.get_window_extent().height * 72 / figure.dpi
+            letters = bar.ax.yaxis.label.get_fontsize()
+            shown = spread(len(self.scale.ticks), max(2, int(height / (_LINE * letters))))
+            labels = [self.scale.labels[i] for i in shown]
+            bar.set_ticks([self.scale.ticks[i] for i in shown], labels=labels)
             bar.minorticks_off()
             bar.set_label(self.scale.quantity.label)
             return

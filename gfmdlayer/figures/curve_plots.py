@@ -205,7 +205,7 @@ def _draw_against_key(
     order = np.argsort(scale.positions, kind="stable")
     row, when = at_time(drawn.sweep, y, time)
     if key.dims == ("case",):
-        if len({*scale.positions.tolist()}) == key.size:  # keys that vary together: the cases are one curve
+        if len({*scale.positions.tolist()}) == key.size and _is_one_curve(drawn.sweep, order):
             axes.plot(scale.positions[order], row.to_numpy()[order] / up.scale, color="0.7", zorder=1)
         axes.scatter(scale.positions, row / up.scale, s=12, color=[curve.colour for curve in drawn.curves])
     else:
@@ -217,6 +217,12 @@ def _draw_against_key(
     left_out = _scale_axes(axes, {"y": y}, [each for each in log if each == "y"])
     name_axes(axes, y=up)
     return [when, *left_out] if when else left_out
+
+
+def _is_one_curve(sweep: Dataset, order: Any) -> bool:
+    """Whether all swept numbers rise or fall along the cases in this order, as zipped keys do."""
+    keys = [key.to_numpy()[order] for key in swept(sweep) if key.dims == ("case",) and key.dtype.kind in "if"]
+    return all((np.diff(key) >= 0).all() or (np.diff(key) <= 0).all() for key in keys)
 
 
 def _draw_legend(figure: Figure, drawn: Family, columns: Columns, style: Style) -> list[str]:

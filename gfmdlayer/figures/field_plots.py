@@ -214,7 +214,7 @@ def leak_figure(flows: Mapping[str, Dataset], style: Style = PAPER, notes: Seque
         raise ResultsError(f"a curve of the leak {message}")
     first, said = next(iter(flows.values())), [*notes]
     with styled(style):
-        figure = new_figure(2 if len(along) > 1 else 1, 62.0, style)
+        figure = new_figure(2 if len(along) > 1 else 1, 70.0, style)
         for axes, name in zip(figure.subplots(1, len(along), squeeze=False)[0], along, strict=True):
             said += _draw_leaks(axes, flows, name)
             name_axes(axes, quantity(first[name], first.attrs), quantity(first["leak_rate"], first.attrs))
@@ -255,7 +255,7 @@ def _draw_leaks(axes: Axes, flows: Mapping[str, Dataset], along: str) -> list[st
     if axes.get_yscale() == "linear":
         axes.set_ylim(bottom=0.0)
     if len(curves) > 1:
-        axes.legend()
+        axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2, fontsize="small")
     return [f"{len(chosen)} of {len(curves)} curves"] * (len(chosen) < len(curves))
 
 

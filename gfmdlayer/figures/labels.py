@@ -476,19 +476,19 @@ def _part_ticks(axis: XAxis) -> None:
 
 
 def _part_label(axes: Axes) -> None:
-    """Break the label of an upright axis where it is longer than the axis; three lines are smaller."""
-    label = axes.yaxis.label
-    height = axes.get_window_extent().height * 72 / axes.figure.dpi
-    room = max(height / (_WIDTH * float(label.get_fontsize())), SHORT_TICK)
-    if _letters(label.get_text()) <= room:
-        return
-    lines = [""]
-    for word in label.get_text().split():
-        longer = f"{lines[-1]} {word}".lstrip()
-        lines[-1:] = [longer] if _letters(longer) <= room or not lines[-1] else [lines[-1], word]
-    label.set_text("\n".join(lines))
-    if len(lines) > 2:
-        label.set_fontsize("small")
+    """Break labels that are longer than their axis; three lines are smaller."""
+    window, points = axes.get_window_extent(), 72 / axes.figure.dpi
+    for label, length in ((axes.xaxis.label, window.width), (axes.yaxis.label, window.height)):
+        room = max(length * points / (_WIDTH * float(label.get_fontsize())), SHORT_TICK)
+        if _letters(label.get_text()) <= room:
+            continue
+        lines = [""]
+        for word in label.get_text().split():
+            longer = f"{lines[-1]} {word}".lstrip()
+            lines[-1:] = [longer] if _letters(longer) <= room or not lines[-1] else [lines[-1], word]
+        label.set_text("\n".join(lines))
+        if len(lines) > 2:
+            label.set_fontsize("small")
 
 
 def explained(case: Dataset, names: Sequence[str], written: Iterable[str] = ()) -> list[str]:
@@ -526,7 +526,7 @@ def explained(case: Dataset, names: Sequence[str], written: Iterable[str] = ()) 
 
 def _meaning(array: DataArray) -> str:
     """Return the first part of a long name, its symbols as in the figures."""
-    words = str(array.attrs["long_name"]).partition(",")[0].removesuffix(" atilde")
+    words = str(array.attrs["long_name"]).partition(",")[0].removesuffix(" atilde").removesuffix(" pbar")
     return words.replace("ptilde = pbar / (2 G0)", r"$\bar{p}/(2G_0)$")
 
 

@@ -74,3 +74,40 @@ def test_input_that_cannot_be_used_is_refused(arguments, message, results, capsy
     name, *options = arguments
     assert main(["leak", str(results / name), *options]) == 2
     assert message in capsys.readouterr().err
+
+
+def test_a_curve_of_the_leak_is_drawn_over_time_and_pressure(results, capsys):
+    """A line for each snapshot and drop, in one picture of all cases; the fluid lifts the surface."""
+    fluid = ["--viscosity", "1e-3", "--pressure-drop", "1e-4", "1e-3", "--diameter", "2.0", "--length", "3.0"]
+    case = str(results / "seal")
+    assert main(["leak", case, *fluid, "--coupled", "--plot"]) == 0
+    shown = capsys.readouterr().out.splitlines()
+    assert [line.split()[0] for line in shown if line.split()[0] in {"0.1", "1"}] == [
+        "0.1",
+        "0.1",
+        "1",
+        "1",
+    ] * 2
+    heading = next(line.split() for line in shown if "leak_rate" in line)
+    row = dict(zip(heading, next(line.split() for line in shown if line.split()[0] == "0.1"), strict=True))
+    assert float(row["pressure_drop"]) == 1e-4
+    assert float(row["leak_rate_low"]) <= float(row["leak_rate"]) <= float(row["leak_rate_high"])
+    width = 2 * np.pi / 3.0
+    assert float(row["leak_rate"]) == pytest.approx(float(row["flow_xx"]) / 12e-3 * 1e-4 * width, rel=0.02)
+    assert (results / "seal" / "seal-leak-curve.png").read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize(
+    ("case", "options", "message"),
+    [
+        ("seal", [], "--plot: a curve of the leak needs --viscosity and --pressure-drop"),
+        (
+            "line",
+            ["--viscosity", "1", "--pressure-drop", "1"],
+            "--plot: one snapshot and one drop make no curve",
+        ),
+    ],
+)
+def test_a_curve_of_one_point_is_refused(results, capsys, case, options, message):
+    assert main(["leak", str(results / case), *options, "--plot"]) == 2
+    assert message in capsys.readouterr().err

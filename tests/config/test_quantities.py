@@ -426,7 +426,8 @@ def test_the_peak_of_a_table_is_asked_for(tmp_path):
     (tmp_path / "path.txt").write_text("0 0\n1 0.01\n")
     content = "name: a\ntrajectory: {kind: table, file: path.txt}\noutput: {snapshots: [peak]}\n"
     (found,) = problems(tmp_path, content)
-    assert "output.snapshots[0]: got 'peak', which is not known of a table before the run" in found
+    assert "output.snapshots[0]: got 'peak', which is in the table of trajectory.file" in found
+    assert "give the time" in found
 
 
 def test_a_refused_trajectory_is_the_only_problem(tmp_path):
