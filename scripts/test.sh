@@ -1,10 +1,15 @@
 #!/usr/bin/env bash
 # Runs the tests in the clone's own environment, without those marked slow; arguments go to pytest.
 # All of them:  bash scripts/test.sh -m ""
+# With the lowest and the newest versions of all dependencies:  bash scripts/test.sh bounds
 set -euo pipefail
 
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
 cd "$root"
+if [[ ${1-} == bounds ]]; then
+    shift
+    exec bash scripts/bounds.sh "$@"
+fi
 bash scripts/environment.sh mpi,test
 
 export PATH="$root/.venv/bin:$PATH"

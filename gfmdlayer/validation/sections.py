@@ -10,6 +10,7 @@ from functools import cache
 from importlib import import_module
 from inspect import CO_VARKEYWORDS, Parameter, Signature, cleandoc, unwrap
 from itertools import chain
+from keyword import iskeyword
 from operator import is_
 from pathlib import Path
 from types import UnionType
@@ -83,6 +84,7 @@ class _Shown(_ModelMetaclass):
                     annotation=_plain_type(field.annotation),
                 )
                 for name, field in every.items()
+                if name.isidentifier() and not iskeyword(name)  # not from, nor dotted keys of samples
             ]
         )
 

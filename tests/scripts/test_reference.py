@@ -3,6 +3,7 @@
 import re
 import runpy
 import sys
+import tomllib
 from functools import cache
 from pathlib import Path
 
@@ -127,3 +128,10 @@ def test_the_examples_of_a_section_are_valid_and_have_all_its_keys(section):
     for key, value in sections()[section].get("properties", {}).items():
         if section not in {"Sweep", "Zip"} and "." not in key and not PAGES["_sections"](value):
             assert re.search(rf"\b{key}: ", EXAMPLES[section]), (section, key)
+
+
+def test_each_dependency_has_a_line_with_its_bound():
+    needed = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["dependencies"]
+    page = (ROOT / "docs/reference/dependencies.md").read_text(encoding="utf-8")
+    listed = re.findall(r"^\| ([\w.]+) \| ([\d.]+) \| \S", page, re.MULTILINE)
+    assert sorted(map(">=".join, listed)) == sorted(needed)
