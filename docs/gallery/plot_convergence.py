@@ -2,9 +2,10 @@
 How sure is each number?
 ========================
 
-A sphere is pressed into a viscoelastic layer. `gfmdlayer.converge` computes the case again with fewer points, other steps and
-another tolerance, and estimates what each of them does to each column: how sure a number is, and what makes
-it better. The images, of the neighbours in the periodic cell, are shown beside the errors and are not part of them.
+A sphere is pressed into a viscoelastic layer. `gfmdlayer.converge` computes the case again with fewer
+points, other steps and another tolerance, and estimates what each of them does to each column: how sure a
+number is, and what makes it better. The images, of the neighbours in the periodic cell, are shown beside the
+errors and are not part of them.
 """
 
 import matplotlib.pyplot as plt

@@ -2,9 +2,9 @@
 A master curve from five temperatures
 =====================================
 
-Moduli of a rubber, measured over three decades of the frequency at five temperatures, become one curve over ten decades: a fit finds
-the Prony series and the constants of its shift together. The material then runs at any temperature: creep under a cylinder
-at 35 °C is two thousand times as fast as at 5 °C.
+Moduli of a rubber, measured over three decades of the frequency at five temperatures, become one curve over
+ten decades: a fit finds the Prony series and the constants of its shift together. The material then runs at
+any temperature: creep under a cylinder at 35 °C is two thousand times as fast as at 5 °C.
 """
 
 import matplotlib.pyplot as plt
@@ -19,7 +19,7 @@ rows = []
 for T in (-10.0, 5.0, 20.0, 35.0, 50.0):
     omega = np.geomspace(0.1, 100.0, 16)
     modulus = rubber.complex_modulus(omega * true.factor(T)) * (1 + 0.01 * rng.standard_normal(16))
-    rows += [(T, *row) for row in zip(omega, modulus.real, modulus.imag)]
+    rows += [(T, *row) for row in zip(omega, modulus.real, modulus.imag, strict=True)]
 T, omega, storage, loss = np.transpose(rows)
 fit = gfmdlayer.fit_material(
     {"T [degC]": T, "omega [rad/s]": omega, "G' [kPa]": storage, "G'' [kPa]": loss}, reference=20.0

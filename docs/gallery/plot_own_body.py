@@ -2,9 +2,10 @@
 A bed of springs and dashpots
 =============================
 
-The package has layers, crystals and tables; a class of your own is a body too. Here it is a Winkler foundation of independent springs and
-dashpots, which is not in the package. Its points do not know of each other, so that the contact is where the punch
-overlaps the surface, and pressure is in proportion to the overlap.
+The package has layers, crystals and tables; a class of your own is a body too. Here it is a Winkler
+foundation of independent springs and dashpots, which is not in the package. Its points do not know of each
+other, so that the contact is where the punch overlaps the surface, and pressure is in proportion to the
+overlap.
 """
 
 import matplotlib.pyplot as plt

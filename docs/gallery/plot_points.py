@@ -2,9 +2,10 @@
 Points across a contact
 =======================
 
-A parabola on an elastic halfspace has a closed form in a periodic cell. Counted points give the contact area to a point at each
-edge; interpolated edges and the pressure need far fewer. On the right the periodic images of a sphere shift its depth by
-1.24 F/(E* L), in cells as wide as you can afford; without images the cell hardly matters.
+A parabola on an elastic halfspace has a closed form in a periodic cell. Counted points give the contact area
+to a point at each edge; interpolated edges and the pressure need far fewer. On the right the periodic images
+of a sphere shift its depth by 1.24 F/(E* L), in cells as wide as you can afford; without images the cell
+hardly matters.
 """
 
 import matplotlib.pyplot as plt

@@ -2,8 +2,9 @@
 A measured history from a spreadsheet
 =====================================
 
-A spreadsheet exported a history of depth with German headings, decimal commas and units of its own. The run reads it by its headings,
-converts the units, and says how. The force follows the steps of the depth and relaxes between them.
+A spreadsheet exported a history of depth with German headings, decimal commas and units of its own. The run
+reads it by its headings, converts the units, and says how. The force follows the steps of the depth and
+relaxes between them.
 """
 
 import tempfile
