@@ -36,7 +36,17 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gfmdlayer.arrays import ComplexArray, FloatArray
-from gfmdlayer.contact.cycle import PRESSED, Cycle, cycle_of, rise_and_fall, run_cycle, set_cycle, set_one
+from gfmdlayer.contact.cycle import (
+    FALL,
+    PRESSED,
+    RISE,
+    Cycle,
+    cycle_of,
+    rise_and_fall,
+    run_cycle,
+    set_cycle,
+    set_one,
+)
 from gfmdlayer.contact.problem import Problem
 from gfmdlayer.contact.residual import scales, violation
 from gfmdlayer.contact.stencil import REACH, apply_to_row, stencil
@@ -568,7 +578,6 @@ _LET_GO = 0.8
 _LOAD = 1e-2  # relative error of the load that a projection may leave; the next one corrects it
 _PROJECTIONS = 60  # rounds of Newton's method at most
 _ROUNDING, _SUMMED = 1e-14, 800.0  # of a load; of a sum of pressures, in units of their rounding
-_RISE, _FALL = 10.0, 3.0  # of kappa over the grid, see `form_of`
 _PATIENCE, _PROGRESS = 40, 0.7  # iterations in which the residual has to fall below this part
 
 
@@ -626,15 +635,18 @@ class Form(NamedTuple):
     cycle: bool = False  # of stencils for the operator; else one stencil for its inverse
 
 
-def form_of(grid: Grid, stiffness: FloatArray) -> Form:
-    """Return the form for a stiffness, one value a mode.
+# Of kappa over a grid. A cycle costs as much as a pair, and saves iterations where kappa rises nearly as fast
+# as the wavenumber, by this part of that, or faster; and that of 1/kappa where kappa falls by so much.
+_RISE, _FALL = 0.5, 100.0
 
-    A cycle describes an operator that rises with the wavenumber: kappa, or else 1/kappa.
-    """
+
+def form_of(grid: Grid, stiffness: FloatArray) -> Form:
+    """Return the form for a stiffness, one value a mode."""
     if len(grid.points) < 2:
         return Form()
     rise, fall = rise_and_fall(grid, stiffness)
-    return Form(gaps=rise >= _RISE and fall <= _FALL, cycle=rise >= _RISE or fall > _FALL)
+    gaps = rise >= max(RISE, _RISE * min(grid.points) / 2) and fall <= FALL
+    return Form(gaps, cycle=gaps or fall > _FALL)
 
 
 class GridLevel:
