@@ -217,9 +217,13 @@ def set_cycle(cycle: Cycle) -> None:
         else:
             _set_below(cycle, level, fine, below)
     first, size = cycle.grids[last, 2], cycle.matrix.shape[0]
-    whole = cycle.matrix.copy()
+    whole, least = cycle.matrix.copy(), 0.0
     for i in range(size):
         whole[i, i] += cycle.D[first + i]
+        least = min(least, cycle.D[first + i])
+    if least == 0.0:  # no eigenvalue is as low
+        cycle.inverse[:] = np.linalg.inv(whole).astype(np.float32)
+        return
     values, vectors = np.linalg.eigh(whole)
     for k in range(size):
         values[k] = 1.0 / max(abs(values[k]), cycle.lowest)
