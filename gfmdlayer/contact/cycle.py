@@ -40,9 +40,10 @@ from gfmdlayer.kernels import kernel
 
 _FEWEST = 4  # points of an axis at least: the last grid has 4 to 7 along each
 _SAME = 0.7  # stiffness of the shortest wave along an axis, over the other's, at which both are halved
-_SMOOTHING, _POSITIVE = 0.75, 1.4  # B s_0, and bound on B times the largest symbol
+_SMOOTHING, _POSITIVE = 0.9, 1.7  # B s_0, and bound on B times the largest symbol
 _SOFT = -0.5  # c D at least
 _LOWEST = 0.25  # eigenvalue of the last grid at least, over kappa_1
+RISE, FALL = 10.0, 3.0  # at least, and at most, of a stiffness over a grid that stencils describe
 PRESSED = np.float32(1e15)  # D of a pressed point, over the unit
 _NONE, _HALF, _ONE = np.float32(0.0), np.float32(0.5), np.float32(1.0)
 _ROOM = 16  # numbers before a row in the work space, two of which are its neighbours: loops begin aligned
@@ -88,15 +89,21 @@ def rise_and_fall(grid: Grid, stiffness: FloatArray) -> tuple[float, float]:
     return rise, fall
 
 
+def is_local(grid: Grid, stiffness: FloatArray) -> bool:
+    """Whether a stiffness rises with the wavenumber, so that stencils describe it."""
+    rise, fall = rise_and_fall(grid, stiffness)
+    return rise >= RISE and fall <= FALL
+
+
 def no_cycle() -> Cycle:
     """Return a cycle without a grid."""
     return _cycle(Grid((1, 1), (1.0, 1.0)), [], 1.0, [], [], 0.0)
 
 
 def cycle_of(whole: Grid, stiffness: FloatArray, kappa_1: float) -> Cycle:
-    """Return the cycle on a grid for a stiffness, one value a mode.
+    """Return the cycle on a grid for a stiffness that rises with the wavenumber, one value a mode.
 
-    It has no grid for lines, small surfaces, and where the stencils do not describe the stiffness.
+    It has no grid for lines and small surfaces.
     """
     shape, stiffness, unit = whole.points, whole.every_mode(stiffness), unit_of(kappa_1)
     shapes = _shapes(shape, stiffness)
@@ -210,9 +217,13 @@ def set_cycle(cycle: Cycle) -> None:
         else:
             _set_below(cycle, level, fine, below)
     first, size = cycle.grids[last, 2], cycle.matrix.shape[0]
-    whole = cycle.matrix.copy()
+    whole, least = cycle.matrix.copy(), 0.0
     for i in range(size):
         whole[i, i] += cycle.D[first + i]
+        least = min(least, cycle.D[first + i])
+    if least == 0.0:  # no eigenvalue is as low
+        cycle.inverse[:] = np.linalg.inv(whole).astype(np.float32)
+        return
     values, vectors = np.linalg.eigh(whole)
     for k in range(size):
         values[k] = 1.0 / max(abs(values[k]), cycle.lowest)

@@ -20,9 +20,9 @@ import numba as nb
 import numpy as np
 from benchmarks.ablation import with_globals
 from benchmarks.common import Cell, Effort, Table, cpu_of_a_pair
-from gfmdlayer.contact.newton.cycle import Cycle, no_cycle
 
 from gfmdlayer.arrays import FloatArray
+from gfmdlayer.contact.cycle import Cycle, no_cycle
 from gfmdlayer.contact.fire import Fire
 from gfmdlayer.contact.newton import solver
 from gfmdlayer.contact.newton.passes import begin

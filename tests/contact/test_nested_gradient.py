@@ -3,6 +3,7 @@
 import math
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,7 @@ from gfmdlayer.case.case import Case
 from gfmdlayer.case.model import simulate
 from gfmdlayer.config import Config
 from gfmdlayer.contact.active_set.solver import ActiveSet
-from gfmdlayer.contact.nested.iteration import extent, settle
+from gfmdlayer.contact.nested.iteration import Form, extent, form_of, settle
 from gfmdlayer.contact.nested.solver import NestedGradient
 from gfmdlayer.contact.problem import Problem
 from gfmdlayer.contact.residual import assess, residual_scales
@@ -155,15 +156,15 @@ def test_a_residual_counts_wherever_it_is(place):
     assert settle(0, 530, 1.0, 1.0, 0.0, None, h, p, gap, h.copy(), None)[1][0] == 0.5
 
 
-def film():
+def film(points=(1024,)):
     """A film on a base five hundred times softer: stiffness over wavenumber varies by 430."""
     config = Config(name="film").with_values(
         {
-            "grid.points": [64, 64],
+            "grid.points": points,
             "layer.thickness": 0.02,
             "halfspace.shear_modulus": 0.002,
-            "punch": {"shape": "self_affine", "hurst": 0.8, "roll_off": 0.5, "short_cutoff": 0.1,
-                      "rms_slope": 0.1, "seed": 2},
+            "punch": {"shape": "self_affine", "hurst": 0.8, "roll_off": 0.5,
+                      "short_cutoff": 0.02 if len(points) == 1 else 0.1, "rms_slope": 0.1, "seed": 2},
             "trajectory": {"control": "load", "load": 1.0},
         }
     )  # fmt: skip
@@ -174,7 +175,31 @@ def film():
     return case, Problem(stiffness, np.zeros(stiffness.size, complex), case.punch, -0.3 * full.min())
 
 
-def test_a_stiff_film_on_a_soft_base_is_handed_over_to_the_active_set():
+@pytest.mark.parametrize("depth_given", [False, True])
+def test_a_stiff_film_under_a_surface_takes_few_iterations(depth_given):
+    """Of gaps, with a cycle that bends as the film does: by pressures it takes hundreds, or never ends."""
+    case, problem = film((64, 64))
+    assert form_of(case.grid, problem.stiffness) == Form(gaps=True, cycle=True)
+    if depth_given:
+        found = solved(case, problem)
+        problem = replace(problem, obstacle=case.punch - found.displacement.mean(), mean_pressure=None)
+    assert check(case, problem) <= 30
+    assert solved(case, problem).transforms <= 25
+
+
+def test_the_form_follows_the_stiffness():
+    """A halfspace and what is stiffer at short waves: gaps. A soft film: pressures, by one stencil."""
+    grid = Grid((128, 128), (1.0, 1.0))
+    q = np.ravel(grid.wavenumbers)
+    thin = np.where(q > 0, 1e6 / np.maximum(q, 1.0) ** 2 + q, 0.0)
+    assert form_of(grid, q) == form_of(grid, q + 0.01 * q**3) == Form(gaps=True, cycle=True)
+    assert form_of(grid, np.where(q > 100, 20 + 0.2 * q, 0.4 * q)) == Form()
+    assert form_of(grid, thin) == Form(gaps=False, cycle=True)
+    line = Grid((4096,), (1.0,))
+    assert form_of(line, np.ravel(line.wavenumbers)) == Form()
+
+
+def test_a_stiff_film_under_a_line_is_handed_over_to_the_active_set():
     case, problem = film()
     check(case, problem)
     solver = NestedGradient(case.transforms, case.grid)

@@ -36,7 +36,17 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gfmdlayer.arrays import ComplexArray, FloatArray
-from gfmdlayer.contact.cycle import PRESSED, Cycle, cycle_of, rise_and_fall, run_cycle, set_cycle, set_one
+from gfmdlayer.contact.cycle import (
+    FALL,
+    PRESSED,
+    RISE,
+    Cycle,
+    cycle_of,
+    rise_and_fall,
+    run_cycle,
+    set_cycle,
+    set_one,
+)
 from gfmdlayer.contact.problem import Problem
 from gfmdlayer.contact.residual import scales, violation
 from gfmdlayer.contact.stencil import REACH, apply_to_row, stencil
@@ -189,18 +199,19 @@ def _precondition_row(
 
 
 @kernel(reorder=True, borrows=True)
-def hold(first: int, end: int, r: Any, D: Any) -> tuple[tuple[float], tuple[float]]:
-    """Take the points outside of C out of a cycle; return how many have changed."""
-    changed = 0.0
+def hold(first: int, end: int, r: Any, D: Any) -> tuple[tuple[float, float], tuple[float]]:
+    """Take the points outside of C out of a cycle; return how many have changed, and how many are outside."""
+    changed, outside = 0.0, 0.0
     for begin in range(first, end, LANES):
         stop = min(begin + LANES, end)
-        rs, Ds, others = r[begin:stop], D[begin:stop], _NONE
+        rs, Ds, others, out = r[begin:stop], D[begin:stop], _NONE, _NONE
         for i in range(rs.size):
             now = _NONE if rs[i] != _NONE else PRESSED
             others += _ONE if now != Ds[i] else _NONE
+            out += _NONE if rs[i] != _NONE else _ONE
             Ds[i] = now
-        changed += float(others)
-    return (changed,), (0.0,)
+        changed, outside = changed + float(others), outside + float(out)
+    return (changed, outside), (0.0,)
 
 
 @kernel
@@ -561,6 +572,7 @@ class ParallelPasses:
         return ThreadPoolExecutor(len(self._stretches))
 
 
+_STALE = 0.01  # part of C, or of the rest, that may change before coarser grids of a cycle know of it
 _SHORTEST = 0.05  # of the lengths that are tried
 _LONGEST, _LONGEST_CYCLED = 2.0, 4.0  # likewise, by a stencil and by a cycle
 # Beyond this part of a step that ends pressures it is taken as a whole, for thin compressible layers.
@@ -568,7 +580,6 @@ _LET_GO = 0.8
 _LOAD = 1e-2  # relative error of the load that a projection may leave; the next one corrects it
 _PROJECTIONS = 60  # rounds of Newton's method at most
 _ROUNDING, _SUMMED = 1e-14, 800.0  # of a load; of a sum of pressures, in units of their rounding
-_RISE, _FALL = 10.0, 3.0  # of kappa over the grid, see `form_of`
 _PATIENCE, _PROGRESS = 40, 0.7  # iterations in which the residual has to fall below this part
 
 
@@ -626,15 +637,18 @@ class Form(NamedTuple):
     cycle: bool = False  # of stencils for the operator; else one stencil for its inverse
 
 
-def form_of(grid: Grid, stiffness: FloatArray) -> Form:
-    """Return the form for a stiffness, one value a mode.
+# Of kappa over a grid. A cycle costs as much as a pair, and saves iterations where kappa rises nearly as fast
+# as the wavenumber, by this part of that, or faster; and that of 1/kappa where kappa falls by so much.
+_RISE, _FALL = 0.5, 100.0
 
-    A cycle describes an operator that rises with the wavenumber: kappa, or else 1/kappa.
-    """
+
+def form_of(grid: Grid, stiffness: FloatArray) -> Form:
+    """Return the form for a stiffness, one value a mode."""
     if len(grid.points) < 2:
         return Form()
     rise, fall = rise_and_fall(grid, stiffness)
-    return Form(gaps=rise >= _RISE and fall <= _FALL, cycle=rise >= _RISE or fall > _FALL)
+    gaps = rise >= max(RISE, _RISE * min(grid.points) / 2) and fall <= FALL
+    return Form(gaps, cycle=gaps or fall > _FALL)
 
 
 class GridLevel:
@@ -676,6 +690,7 @@ class GridLevel:
         self._cycle = cycle_of(grid, operator, least)
         self._held, self._answer = self._cycle.D[: self.r.size], self.transforms.empty_field()
         self._held[:] = -1.0  # not known
+        self._changed = np.inf  # points of C since the coarser grids of the cycle know it
         centred = problem.mean_is_fixed if form.gaps else problem.mean_pressure is not None
         self.one = self._cycle.one if centred else None
 
@@ -708,7 +723,11 @@ class GridLevel:
     def precondition(self) -> Sequence[float]:
         """Write z = M r in the place of the last r; see the kernel of this name for the sums."""
         if self.form.cycle:
-            if self.parallel(hold, self.r, self._held)[0][0]:
+            changed, outside = self.parallel(hold, self.r, self._held)[0]
+            self._changed += changed
+            few = _STALE * min(outside, self.grid.size - outside) if self.one is None else 0.0
+            if self._changed > few:
+                self._changed = 0.0
                 set_held(self._cycle, self.step[: 0 if self.one is None else self.step.size])
                 if self.one is not None:
                     self._lifted = self.grid.sums.total(float(self.one.sum()))

@@ -51,7 +51,7 @@ from typing import Any, ClassVar, Literal, NamedTuple
 import numpy as np
 
 from gfmdlayer.arrays import ComplexArray, FloatArray
-from gfmdlayer.contact.cycle import cycle_of, no_cycle, unit_of
+from gfmdlayer.contact.cycle import cycle_of, is_local, no_cycle, unit_of
 from gfmdlayer.contact.newton.passes import (
     AdhesiveState,
     AdhesiveSystem,
@@ -743,7 +743,8 @@ class Newton:
             kappa_1 = problem.residual_floor.stiffness
             step.kappa[:] = stiffness / (n * unit_of(kappa_1))
             if n >= WORTH_CYCLE and len(self._grid.points) > 1:
-                cycle = cycle_of(self._grid, stiffness, kappa_1)
+                local = is_local(self._grid, stiffness)
+                cycle = cycle_of(self._grid, stiffness, kappa_1) if local else no_cycle()
                 D = cycle.D[: step.d.size] if cycle.grids.size else self._single.empty_field()
                 self._fields = self._fields._replace(step=step._replace(cycle=cycle, stiffness=D))
         return self._fields
