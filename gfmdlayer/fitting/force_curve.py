@@ -7,7 +7,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
-from numbers import Real
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -142,7 +141,7 @@ class ForceCurve:
             yield "the force never changes"
         for key in ("noise", "depth_noise", "stiffness", "stiffness_error"):
             value = getattr(self, key)
-            if value is not None and not (isinstance(value, Real) and 0 < value < math.inf):
+            if value is not None and not (isinstance(value, (int, float, np.integer, np.floating)) and 0 < value < math.inf):
                 yield f"{key} = {value!r}; it must be > 0 and finite, or None"
         if self.weights is not None and (
             self.weights.shape != self.time.shape or not ((self.weights >= 0) & (self.weights <= 1)).all()
