@@ -300,7 +300,8 @@ def _along_an_axis(
     x = length * reach * np.sin(math.pi / 2 * (np.arange(_POINTS) + 0.5) / _POINTS)
     q, weights = passed.rule(length, reach * length, datum)
     n = np.arange(max(int(passed.last * length / (2 * math.pi)), fewest) + 1)
-    low, qx, alike = n <= fewest, 2 * math.pi * n / length, np.where(n > 0, 2, 1)
+    low, alike = n <= fewest, np.where(n > 0, 2, 1)
+    qx = np.asarray(2 * math.pi / length * n, dtype=float)
     waves_along, cosines_along = np.cos(np.outer(x, q)), np.cos(np.outer(x, qx)) * (alike / length)
     rows = []
     for m in range(1 + int(passed.last * across[0] / (2 * math.pi)) if across else 1):
