@@ -90,7 +90,7 @@ _NO_IMAGES = 1e-3 * TOLERANCE  # of the response, below which the images of wave
 class IsolatedBody:
     """A body in a periodic cell, whose response within reach has no periodic images; `isolated` makes one."""
 
-    body: Body  # its stiffness depends only on the magnitude of the wavevector
+    body: Body  # its stiffness depends on the magnitude of the wavevector; of one axis, on the direction too
     period: tuple[float, ...]
     boundary: Boundary
     # Most periods between two pressed points, ((dx/Lx)^2 + (dy/Ly)^2)^(1/2), or along the one isolated axis.
@@ -143,7 +143,7 @@ def isolated(body: Body, period: tuple[float, ...], boundary: Boundary | None = 
 
 
 def _isolated(body: Body, period: tuple[float, ...], boundary: Boundary) -> IsolatedBody:
-    refuse(body, period, boundary)
+    refuse(body, period, boundary, alike=len(boundary.axes) == 2)
     fits = []
     for reach in REACHES:
         fits.append(_fit(body, period, boundary, reach))
@@ -181,8 +181,11 @@ def would_do(period: tuple[float, ...], boundary: Boundary) -> str:
     return f"; a period{along} of {lengths} would do"
 
 
-def refuse(body: Body, period: tuple[float, ...], boundary: Boundary) -> None:
-    """Raise ValueError for a body without an isolated state, or one that depends on the direction."""
+def refuse(body: Body, period: tuple[float, ...], boundary: Boundary, *, alike: bool = True) -> None:
+    """Raise ValueError for a body without an isolated state, or one that depends on the direction.
+
+    One that need not be `alike` in all directions has to be its own mirror image along the axes.
+    """
     q = np.array([_LONGEST, 100 * _LONGEST]) / max(period)
     long = 1 / body.stiffness(q, 0.0)
     if not np.isfinite(long).all() or long[0] * q[0] > 10 * long[1] * q[1]:
@@ -195,10 +198,16 @@ def refuse(body: Body, period: tuple[float, ...], boundary: Boundary) -> None:
     if len(period) == 2:
         waves = 2 * math.pi / min(period) * np.array([[1, 0], [0, 1], [0.6, 0.8], [0.8, -0.6]]).T
         K = body.stiffness(Wavevectors.of_components(*waves), 0.0)
-        if np.ptp(K) > _DIRECTIONAL * K.max():
+        if alike and np.ptp(K) > _DIRECTIONAL * K.max():
             raise ValueError(
                 "the stiffness depends on the direction, for which there is no isolated contact; must be the "
                 "same in all directions, or grid.boundary: periodic"
+            )
+        mirrored = body.stiffness(Wavevectors.of_components(waves[0], -waves[1]), 0.0)
+        if np.abs(mirrored - K).max() > _DIRECTIONAL * K.max():
+            raise ValueError(
+                "the stiffness along x and y is no mirror image of itself, for which there is no isolated "
+                "axis; must be one, such as of a crystal with twofold axes along x and y, or periodic"
             )
 
 
@@ -240,11 +249,11 @@ class _CellNodes(NamedTuple):
     """Of waves that are fitted together: points within reach, and their transforms there."""
 
     share: int  # waves of the cell that each of them stands for
-    q: FloatArray  # (nq,), magnitudes of the integral over all waves
+    q: FloatArray | Wavevectors  # (nq,), of the integral over all waves; magnitudes, or with their directions
     integral: FloatArray  # (points, nq)
-    waves: FloatArray  # (nw,), magnitudes q > 0 of the cell's waves
+    waves: FloatArray | Wavevectors  # (nw,), q > 0 of the cell
     cosines: FloatArray  # (points, nw), weights of their compliances
-    low: FloatArray  # (nl,), magnitudes of the lowest waves, that of the mean first
+    low: Wavevectors  # (nl,), the lowest waves, the longest first
     lowest: FloatArray  # (points, nl), weights of their compliances
 
 
@@ -276,7 +285,8 @@ def _in_an_ellipse(period: tuple[float, ...], reach: float) -> tuple[list[_CellN
     number[nx[low], ny[low]] = of.ravel()
     felt = (waves > 0) & ((waves <= passed.last) | low)
     others = cosines * (passed(waves) - low)
-    nodes = _CellNodes(1, q, integral, waves[felt], others[:, felt], waves[low][first], lowest.T)
+    own = Wavevectors.of(waves[low][first])
+    nodes = _CellNodes(1, q, integral, waves[felt], others[:, felt], own, lowest.T)
     return [nodes], number
 
 
@@ -290,7 +300,8 @@ def _along_an_axis(
     x = length * reach * np.sin(math.pi / 2 * (np.arange(_POINTS) + 0.5) / _POINTS)
     q, weights = passed.rule(length, reach * length, datum)
     n = np.arange(max(int(passed.last * length / (2 * math.pi)), fewest) + 1)
-    low, qx, alike = n <= fewest, 2 * math.pi * n / length, np.where(n > 0, 2, 1)
+    low, alike = n <= fewest, np.where(n > 0, 2, 1)
+    qx = np.asarray(2 * math.pi / length * n, dtype=float)
     waves_along, cosines_along = np.cos(np.outer(x, q)), np.cos(np.outer(x, qx)) * (alike / length)
     rows = []
     for m in range(1 + int(passed.last * across[0] / (2 * math.pi)) if across else 1):
@@ -302,9 +313,16 @@ def _along_an_axis(
         felt = (waves > 0) & ((waves <= passed.last) | low)
         others = (cosines_along * (passed(waves) - low))[:, felt]
         share, lowest = 2 if m else 1, cosines_along[:, low]
-        rows.append(_CellNodes(share, every, integral, waves[felt], others, waves[low], lowest))
+        nodes = (_beside(axis, each, qm) for each in (q, qx[felt], qx[low]))
+        rows.append(_CellNodes(share, next(nodes), integral, next(nodes), others, next(nodes), lowest))
     number = np.arange(len(rows) * (fewest + 1), dtype=np.intp).reshape(len(rows), fewest + 1)
     return rows, number if axis == 1 else number.T
+
+
+def _beside(axis: int, along: FloatArray, across: float) -> Wavevectors:
+    """Return the waves with these components along an axis and across it."""
+    components = along, np.full(along.shape, across)
+    return Wavevectors.of_components(*components[:: 1 - 2 * axis])
 
 
 def _fit(body: Body, period: tuple[float, ...], boundary: Boundary, reach: float) -> IsolatedBody:
@@ -313,7 +331,7 @@ def _fit(body: Body, period: tuple[float, ...], boundary: Boundary, reach: float
         every, number = _in_an_ellipse(period, reach)
     else:
         every, number = _along_an_axis(period, boundary, reach)
-    low = np.concatenate([nodes.low for nodes in every])
+    low = np.concatenate([nodes.low.magnitude for nodes in every])
     s, times = _times(body, low[low > 0], min(period[axis] for axis in boundary.axes))
     smooth = [nodes.integral @ _compliance(body, nodes.q, s) for nodes in every]
     size = np.abs(sum(nodes.share * each for nodes, each in zip(every, smooth, strict=True))).max(axis=0)
@@ -321,15 +339,15 @@ def _fit(body: Body, period: tuple[float, ...], boundary: Boundary, reach: float
     fits, kept, error, count = [], [], 0.0, 0
     for nodes, whole in zip(every, smooth, strict=True):
         target = (whole - nodes.cosines @ _compliance(body, nodes.waves, s)) / size
-        if nodes.low.min() > 0:
+        if nodes.low.magnitude.min() > 0:
             images = target - nodes.lowest @ _compliance(body, nodes.low, s) / size
             if np.abs(images).max() <= _NO_IMAGES:
-                kept.append(np.full(nodes.low.size, -1))
+                kept.append(np.full(nodes.lowest.shape[1], -1))
                 continue
         creep, missed = _creep(body, nodes, s[-1], target, course)
         fits.append(creep)
-        kept.append(count + np.arange(nodes.low.size))
-        error, count = error + nodes.share * missed, count + nodes.low.size
+        kept.append(count + np.arange(nodes.lowest.shape[1]))
+        error, count = error + nodes.share * missed, count + nodes.lowest.shape[1]
     modes = [relaxation(c[0], c[1:][c[1:] > 0], times[c[1:] > 0]) for creep in fits for c in creep]
     most = max(own.size for own, _ in modes)
     weights, taus = np.zeros((most, len(modes))), np.ones((most, len(modes)))
@@ -340,7 +358,7 @@ def _fit(body: Body, period: tuple[float, ...], boundary: Boundary, reach: float
     return IsolatedBody(body, period, boundary, reach, error, changed, places)
 
 
-def _compliance(body: Body, q: FloatArray, s: FloatArray) -> FloatArray:
+def _compliance(body: Body, q: FloatArray | Wavevectors, s: FloatArray) -> FloatArray:
     """Return C(q, s) of a body, (nq, ns)."""
     return np.stack([1 / body.stiffness(q, each) for each in s], axis=1)
 
@@ -352,7 +370,10 @@ def _creep(
     from scipy.optimize import nnls
 
     # The longest wave may have much less than the body's own compliance, which that of a mean is without end.
-    least = _STIFFEST / body.stiffness(np.append(nodes.low[1], nodes.low[1:]), sudden)
+    some = np.arange(nodes.lowest.shape[1])
+    some[0] = 1
+    longest = Wavevectors.of_components(nodes.low.qx[some], nodes.low.qy[some])
+    least = _STIFFEST / body.stiffness(longest, sudden)
     target = target - np.outer(nodes.lowest @ least, course[0])
     # The unknowns are the product of waves and times: both factors are compressed to what they are worth.
     of_points, of_waves = _compressed(nodes.lowest)

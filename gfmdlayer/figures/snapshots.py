@@ -410,12 +410,13 @@ def draw_map(
 ) -> AxesImage:
     """Draw a field over the part `view` of the surface, with colours between two `ends`.
 
-    Both are in the units of the case. A closed gap has the colour of the contact.
+    Both are in the units of the case. A closed gap has the colour of the contact; one that is not known,
+    beyond the reach of an isolated contact, is white.
     """
-    cmap = cmap or {"pressure": PRESSURE_COLOURS, "gap": GAP_COLOURS}.get(str(field.name), "viridis")
+    name = {"pressure": PRESSURE_COLOURS, "gap": GAP_COLOURS}.get(str(field.name), "viridis")
+    cmap = colormaps.get_cmap(cmap or name).with_extremes(under=CONTACT if field.name == "gap" else None)
     x, y = (quantity(case[name], case.attrs) for name in "xy")
     scale = quantity(field, case.attrs).scale
-    axes.set_facecolor(CONTACT if field.name == "gap" else "white")
     mesh = axes.imshow(
         map_values(case, field),
         origin="lower",
@@ -432,12 +433,12 @@ def draw_map(
 def map_values(case: Dataset, field: DataArray) -> FloatArray:
     """Return the values of a map, with rows along y, thinned to the dots of a picture.
 
-    A closed gap is NaN, which has the colour of the contact.
+    A closed gap is -1, below all colours.
     """
     thinned = {name: slice(None, None, -(-field.sizes[name] // MAP_POINTS)) for name in "xy"}
     part = field.isel(thinned).transpose("y", "x")
-    values: FloatArray = (part.where(part > 0) if field.name == "gap" else part).to_numpy()
-    return values / quantity(field, case.attrs).scale
+    values: FloatArray = part.to_numpy() / quantity(field, case.attrs).scale
+    return np.where(values <= 0, -1.0, values) if field.name == "gap" else values
 
 
 def ends_of_grid(coordinate: DataArray, scale: float = 1.0) -> tuple[float, float]:

@@ -703,7 +703,7 @@ def _opened(drawn: Combination, *_: object) -> None:
                 data.load()
         except Exception as error:
             raise Wrong("open_case fails", _where(error)) from None
-        _sound(data, isolated=drawn.config["grid"].get("boundary") == "isolated")
+        _sound(data, isolated=drawn.config["grid"].get("boundary", "periodic") != "periodic")
         if drawn.config["grid"].keys() <= {"points", "period"}:
             period = np.broadcast_to(
                 drawn.config["grid"]["period"], data["pressure"].ndim - 1 if "pressure" in data else 1

@@ -7,7 +7,7 @@ import pytest
 from scipy.special import erfc, j0
 
 import gfmdlayer
-from gfmdlayer import Elastic, LayerStack, Prony, Wavevectors, Zener, bonded_layer, halfspace
+from gfmdlayer import Anisotropic, Elastic, LayerStack, Prony, Wavevectors, Zener, bonded_layer, halfspace
 from gfmdlayer.body.isolated import TOLERANCE, isolated
 from gfmdlayer.body.layer import Halfspace
 from gfmdlayer.body.solid import Boundary
@@ -219,3 +219,28 @@ class Orthotropic:
 def test_bodies_without_an_isolated_contact_are_refused(body, period, words):
     with pytest.raises(ValueError, match=words):
         isolated(body, period)
+
+
+def test_one_axis_of_a_body_that_depends_on_the_direction_is_the_limit_of_a_long_period():
+    """A crystal whose images along y, at half of five periods, end like exp(-2 pi m y) but for the mean."""
+    crystal = Anisotropic(C11=5.0, C12=2.0, C44=2.5)
+    alone = isolated(crystal, (1.0, 2.0), Boundary((False, True), 2.0))
+    assert alone.error <= TOLERANCE
+
+    def response(body, length, x, y):
+        """Of a load that is a point along y, by waves of both grids up to the same end."""
+        numbers = np.arange(-100 * int(length), 100 * int(length) + 1)
+        qx, qy = np.meshgrid(2 * np.pi * np.array([1, 2]), 2 * np.pi * numbers / length, indexing="ij")
+        K = body.stiffness(Wavevectors.of_components(qx.ravel(), qy.ravel()), 0.0)
+        return float((np.cos(qx * x) * np.cos(qy * y) / K.reshape(qx.shape)).sum() / length)
+
+    size = response(crystal, 20.0, 0.0, 0.0)
+    for x, y in ((0.1, 0.1), (0.3, 0.4), (0.5, 0.8)):
+        expected = response(crystal, 20.0, x, y)
+        assert response(alone, 2.0, x, y) == pytest.approx(expected, abs=TOLERANCE * size)
+
+
+def test_a_crystal_that_is_no_mirror_image_of_itself_has_no_isolated_axis():
+    turned = Anisotropic(C11=5.0, C12=2.0, C44=2.5, angle=20.0)
+    with pytest.raises(ValueError, match="no mirror image of itself"):
+        isolated(turned, CELL, Boundary((True, False), 2.0))

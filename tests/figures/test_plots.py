@@ -6,15 +6,16 @@ import os
 import matplotlib as mpl
 import numpy as np
 import pytest
-from matplotlib.colors import to_rgb
+from matplotlib.colors import to_rgb, to_rgba
 from PIL import Image
 from xarray import Dataset
 
+import gfmdlayer
 from gfmdlayer.figures import movies
 from gfmdlayer.figures.curve_plots import curves_figure
 from gfmdlayer.figures.labels import labelled, mathtext, value_labels
 from gfmdlayer.figures.map_plots import map_figure
-from gfmdlayer.figures.plot_style import PAPER, SCREEN, colours
+from gfmdlayer.figures.plot_style import CONTACT, PAPER, SCREEN, colours
 from gfmdlayer.figures.plots import plot_results
 from gfmdlayer.figures.snapshots import OVERLAP, Inset, snapshots_figure, waterfall_figure
 from gfmdlayer.results.gathering import CaseRecord, Swept, collect
@@ -425,3 +426,20 @@ def test_the_contact_area_is_drawn_without_steps_unless_the_counted_one_is_asked
     np.testing.assert_array_equal(drawn.lines[0].get_ydata(), between)
     np.testing.assert_array_equal(asked.lines[0].get_ydata(), counted)
     assert drawn.get_ylabel() == asked.get_ylabel() == r"$\tilde{a}$"
+
+
+def test_a_gap_that_is_not_known_has_no_colour_of_contact():
+    """Of an isolated contact it is known within reach of the points in contact."""
+    found = gfmdlayer.solve(
+        gfmdlayer.halfspace(1.0), gfmdlayer.Parabola(radius=1.0), depth=0.002, period=0.2,
+        points=(32, 32), isolated=True,
+    )  # fmt: skip
+    figure = found.plot()
+    (mesh,) = (
+        axes.images[0] for axes in figure.axes if axes.images and axes.images[0].get_cmap().name == "Blues"
+    )
+    colours, values = mesh.to_rgba(mesh.get_array()), np.asarray(found.gap.transpose("y", "x"))
+    contact = np.array(to_rgba(CONTACT))
+    assert np.isnan(values).any()
+    assert ((np.abs(colours - contact) < 1e-9).all(axis=-1) == (values == 0)).all()
+    assert (colours[np.isnan(values), 3] == 0).all()  # the white behind

@@ -37,6 +37,10 @@ CASES = {
     "isolated": SURFACE.replace("period: 1.0", "period: [1.0, 0.9], boundary: isolated")
     .replace("load: 0.02", "force: 0.02").replace("control: load", "control: force")
     .replace(ROUGH, "parabola").replace(", histograms: {pressure: {max: 0.5, bins: 4}}", ""),
+    "one isolated axis": SURFACE
+    .replace("period: 1.0", "period: [1.0, 0.9], boundary: [isolated, periodic], datum: 2.0")
+    .replace("load: 0.02", "force: 0.02").replace("control: load", "control: force")
+    .replace(ROUGH, "parabola").replace(", histograms: {pressure: {max: 0.5, bins: 4}}", ""),
     "sliding": SURFACE.replace("ramp_time: 0.2", "ramp_time: 0.2, velocity: 1.0").replace("0.3", "0.4")
     .replace("patches: true", "patches: true, inside: {depths: [0.03, 0.1], every: 1}")
     + "interface: {law: hard_wall, hardness: 0.4}\n",
