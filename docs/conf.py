@@ -53,6 +53,7 @@ sphinx_gallery_conf = {
     "examples_dirs": "gallery",
     "gallery_dirs": "examples",
     "filename_pattern": r"/plot_",
+    "within_subsection_order": "FileNameSortKey",  # the tasks have numbers
     "abort_on_example_error": True,
     "show_memory": False,
     "download_all_examples": False,

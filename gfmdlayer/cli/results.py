@@ -75,7 +75,7 @@ def _options_of_plot(parser: argparse.ArgumentParser) -> None:
     --select KEY=VALUE ...  draw only the cases with this (or the nearest) value of a swept key,
       thickness=0.1, or with values in a range, thickness=0.1:0.5
     --x NAME  time, a column, or a swept key; map: a swept key (default: time; of cases with one row each the
-      swept key)
+      swept key); reduced_velocity: a swept velocity times the shift factor of the temperature
     --y NAME ...  columns, one panel for each (default: contact_area_interpolated and mean_pressure, or
       depth under a load); loop: one column; map: a swept key
     --z NAME ...  columns of the map; inside: the field

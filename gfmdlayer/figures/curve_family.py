@@ -124,7 +124,7 @@ class ColourBar(NamedTuple):
         bar = figure.colorbar(self.mappable, ax=panels, aspect=30, pad=0.02)
         if self.scale.kind == "order":
             height = bar.ax.get_window_extent().height * 72 / figure.dpi
-            letters = bar.ax.yaxis.label.get_fontsize()
+            letters = float(bar.ax.yaxis.label.get_fontsize())
             shown = spread(len(self.scale.ticks), max(2, int(height / (_LINE * letters))))
             labels = [self.scale.labels[i] for i in shown]
             bar.set_ticks([self.scale.ticks[i] for i in shown], labels=labels)

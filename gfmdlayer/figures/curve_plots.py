@@ -48,13 +48,14 @@ from gfmdlayer.results.reader import case_path, is_complete, open_case
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-    from xarray import Dataset
+    from xarray import DataArray, Dataset
 
 
 LABELLED = 40  # most entries of a legend
 BESIDE, LETTERS = 12, 40  # most entries of a legend beside the panels, and letters of each; more are above
 ROW_MM = 4.5  # of a legend
 OVER_FRAME = 2.6  # order of drawing: a fall at the last time is not hidden by the frame
+REDUCED = "reduced_velocity"
 MOST_DURATIONS = 30.0  # longest over shortest case, on a linear axis of time
 
 
@@ -88,7 +89,8 @@ def curves_figure(
     inset : Inset, optional
         Punch and surface at chosen times, in the first panel.
     x : str
-        Time, a column, or a swept key.
+        Time, a column, or a swept key; reduced_velocity, a swept velocity times the shift factor of the
+        temperature, over which the friction of a rubber is one curve.
     y : sequence of str
         Columns; by default interpolated contact area and mean pressure, or depth under a prescribed load,
         friction and temperature, without those that do not vary.
@@ -106,6 +108,8 @@ def curves_figure(
     ResultsError
         If there is no such column, or an option needs another `x`.
     """
+    reduced = x == REDUCED
+    x = _swept_velocity(dataset) if reduced else x
     along = next((str(key.name) for key in swept(dataset) if x in (key.name, key.attrs["key"])), "")
     dataset, y = each_place(dataset, y)
     asked = [column_name(dataset, name, of_cases=bool(along)) for name in y]
@@ -135,7 +139,7 @@ def curves_figure(
         said_of_panels: list[str] = []
         for i, (axes, name) in enumerate(zip(panels.flat, names, strict=False)):
             if along:
-                said_of_panels += _draw_against_key(axes, drawn, x, name, time, log)
+                said_of_panels += _draw_against_key(axes, drawn, x, name, time, log, reduced=reduced)
             else:
                 said_of_panels += _draw_against_column(axes, drawn, x, name, [*log, *["x"] * log_time])
             if len(names) > 1:
@@ -197,10 +201,22 @@ def _scale_axes(axes: Axes, names: Mapping[str, str], log: Sequence[str]) -> lis
 
 
 def _draw_against_key(
-    axes: Axes, drawn: Family, x: str, y: str, time: Time | None, log: Sequence[str]
+    axes: Axes,
+    drawn: Family,
+    x: str,
+    y: str,
+    time: Time | None,
+    log: Sequence[str],
+    *,
+    reduced: bool = False,
 ) -> list[str]:
-    """Draw a column at a time against a swept key, a failed case being a gap in the line; say the time."""
+    """Draw a column at a time against a swept key, a failed case being a gap in the line; say the time.
+
+    A velocity may be `reduced` by the shift factor of each case.
+    """
     key, up = drawn.sweep[x], quantity(drawn.sweep[y], drawn.sweep.attrs)
+    if reduced:
+        return _draw_reduced(axes, drawn, key, y, time)
     scale = Scale.of(key.to_numpy().tolist(), quantity(key), log="x" in log or None, measured=True)
     order = np.argsort(scale.positions, kind="stable")
     row, when = at_time(drawn.sweep, y, time)
@@ -217,6 +233,31 @@ def _draw_against_key(
     left_out = _scale_axes(axes, {"y": y}, [each for each in log if each == "y"])
     name_axes(axes, y=up)
     return [when, *left_out] if when else left_out
+
+
+def _swept_velocity(dataset: Dataset) -> str:
+    """Return the name of the swept velocity, by which that of a master curve is reduced."""
+    name = next((str(key.name) for key in swept(dataset) if key.attrs["key"] == "trajectory.velocity"), "")
+    if not name or "shift_factor" not in dataset:
+        needed = "a sweep over trajectory.velocity, and a temperature with one shift of the material"
+        raise ResultsError(f"{REDUCED}: these results have no such velocity; must have {needed}")
+    return name
+
+
+def _draw_reduced(axes: Axes, drawn: Family, key: DataArray, y: str, time: Time | None) -> list[str]:
+    """Draw a column over the velocity times the shift factor of each case, on a logarithmic axis."""
+    row, when = at_time(drawn.sweep, y, time)
+    abscissa = key * at_time(drawn.sweep, "shift_factor", time)[0]
+    up, over = quantity(drawn.sweep[y], drawn.sweep.attrs), quantity(key)
+    for curve in drawn.curves:
+        at, values = (each.isel(curve.place).to_numpy().ravel() for each in (abscissa, row))
+        order = np.argsort(at)
+        look: dict[str, Any] = {"color": curve.colour, "linestyle": curve.dashes, "marker": "o"}
+        axes.plot(at[order], values[order] / up.scale, markersize=3, **look)
+    axes.set(xscale="log")
+    left_out = _scale_axes(axes, {"y": y}, [])
+    name_axes(axes, over._replace(symbol=rf"{over.symbol}$\,a_T$", words="reduced velocity"), up)
+    return ["$a_T$: shift factor", *([when] if when else []), *left_out]
 
 
 def _is_one_curve(sweep: Dataset, order: Any) -> bool:

@@ -248,8 +248,9 @@ def _draw_leaks(axes: Axes, flows: Mapping[str, Dataset], along: str) -> list[st
         if "leak_rate_one_way" in drawn:
             axes.plot(x, drawn["leak_rate_one_way"], color=colour, linestyle=":")
     abscissa = np.concatenate([one[along].to_numpy() for _, one in chosen])
-    for axis, values in (("x", abscissa), ("y", np.concatenate([one["leak_rate"] for _, one in chosen]))):
-        positive = values[np.isfinite(values) & (values > 0)]
+    rates = np.concatenate([one["leak_rate"].to_numpy() for _, one in chosen])
+    for axis, drawn_over in (("x", abscissa), ("y", rates)):
+        positive = drawn_over[np.isfinite(drawn_over) & (drawn_over > 0)]
         if positive.size and positive.max() > _DECADE * positive.min():
             axes.set(**{f"{axis}scale": "log"})
     if axes.get_yscale() == "linear":

@@ -141,7 +141,8 @@ class ForceCurve:
             yield "the force never changes"
         for key in ("noise", "depth_noise", "stiffness", "stiffness_error"):
             value = getattr(self, key)
-            if value is not None and not (isinstance(value, (int, float, np.integer, np.floating)) and 0 < value < math.inf):
+            is_number = isinstance(value, (int, float, np.integer, np.floating))
+            if value is not None and not (is_number and 0 < value < math.inf):
                 yield f"{key} = {value!r}; it must be > 0 and finite, or None"
         if self.weights is not None and (
             self.weights.shape != self.time.shape or not ((self.weights >= 0) & (self.weights <= 1)).all()

@@ -176,7 +176,7 @@ def leakage(
             doubt = min(1.0, linear / K) / (1 + loose) if K > 0 else 1.0
             excess = max(1.0, linear / K) * (1 + loose) if K > 0 else 1.0
             one_way = np.full(drops.size, K)
-            mean, low, high = one_way, one_way, one_way * (1 + np.nan_to_num(lift)) ** 3
+            mean, low, high = one_way, one_way, one_way * (1 + np.where(np.isnan(lift), 0.0, lift)) ** 3
             if coupled:
                 assert solid is not None
                 (mean, low, high), more = _under_fluid(state, gap, grid, period, solid, along, K, drops)

@@ -12,7 +12,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 UNKNOWN = "unknown"
-CHECKPOINT_FORMAT = "10"  # of checkpoint and snapshots
+CHECKPOINT_FORMAT = "9"  # of checkpoint and snapshots
 LIBRARIES = ("numpy", "scipy", "numba", "pyfftw", "h5py", "mpi4py")
 _DECISIVE = ("gfmdlayer", "numpy", "numba", "pyfftw")  # for the bits of results
 

@@ -74,3 +74,16 @@ def test_samples_are_points_and_zipped_keys_a_curve():
         )
     assert curves_figure(zipped, x="thickness", y=["force"]).axes[0].lines
     assert not curves_figure(sampled, x="thickness", y=["force"]).axes[0].lines
+
+
+def test_friction_over_the_reduced_velocity_has_the_shift_factor_of_each_temperature():
+    data = swept(temperature__value=(0.0, 25.0), trajectory__velocity=(5.0, 10.0))
+    (axes,) = curves_figure(data, x="reduced_velocity", y=["friction"]).axes
+    assert axes.get_xscale() == "log"
+    assert "reduced velocity" in axes.get_xlabel()
+    for T, line in zip((0.0, 25.0), axes.lines, strict=True):
+        factor = 10 ** (-4.57 * (T - 25.0) / (113.6 + T - 25.0))
+        np.testing.assert_allclose(line.get_xdata(), factor * np.array([5.0, 10.0]))
+        np.testing.assert_allclose(line.get_ydata(), data.friction.sel({"temperature.value": T})[:, -1])
+    with pytest.raises(gfmdlayer.ResultsError, match=r"must have a sweep over trajectory.velocity"):
+        curves_figure(swept(temperature__value=(0.0, 25.0)), x="reduced_velocity")

@@ -4,7 +4,8 @@
 
 A cylinder slides on rubber at three temperatures, without friction at the interface. Over the reduced speed
 v aT, with the shift factor aT of Williams, Landel and Ferry, the friction at all temperatures is one curve:
-a cold rubber is a fast one.
+a cold rubber is a fast one. ``gfmdlayer plot results/master-curve --x reduced_velocity --y friction`` draws
+such a picture.
 
 *In another way.* log aT = -C1 (T - T0)/(C2 + T - T0) is one at T0 - C2/(C1 + 1), and minus one at T0 +
 C2/(C1 - 1). At the first of these temperatures the friction at 0.3 m/s is that of 3 m/s at 25 °C, at the
