@@ -38,13 +38,15 @@ _STREAMED = 1 << 23  # numbers of each of the three arrays of a thread, 64 MiB
 _NUMBERS_OF_A_PAIR = 8  # read or written at each point, at least
 # Arrays that a pass reads and writes, where the load is given and there is no hardness.
 _ARRAYS = {
-    "advance": (("p", "gap", "step", "change"), ("p", "gap", "r")),
+    "advance": (("x", "y", "step", "change"), ("x", "y", "r")),
     "precondition": (("r", "z", "d"), ("z",)),
-    "direct": (("p", "r", "z", "d"), ("d", "step")),
-    "project": (("p", "r", "d"), ("step",)),
-    "respond": (("p", "step", "change"), ()),
+    "hold": (("r", "D"), ("D",)),
+    "correlate": (("r", "last", "z", "d"), ("z",)),
+    "direct": (("x", "r", "z", "d"), ("d", "step")),
+    "project": (("x", "r", "d"), ("step",)),
+    "respond": (("x", "step", "change"), ()),
     "extent": (("h", "p", "gap"), ("gap",)),
-    "comply": (("compliance", "spectrum"), ("spectrum",)),
+    "multiply": (("factors", "spectrum"), ("spectrum",)),
     "displace": (("stiffness", "intercept", "pressure"), ("u", "pressure")),
     "settle": (("h", "p", "gap"), ("gap", "u")),
 }

@@ -183,17 +183,17 @@ def test_a_stiff_film_under_a_surface_takes_few_iterations(depth_given):
     if depth_given:
         found = solved(case, problem)
         problem = replace(problem, obstacle=case.punch - found.displacement.mean(), mean_pressure=None)
-    assert check(case, problem) <= 30
+    assert check(case, problem) <= 40
     assert solved(case, problem).transforms <= 25
 
 
 def test_the_form_follows_the_stiffness():
-    """A halfspace and what is stiffer at short waves: gaps. A soft film: pressures, by one stencil."""
+    """A halfspace and what is stiffer at short waves: gaps. A thin layer: pressures, by one stencil."""
     grid = Grid((128, 128), (1.0, 1.0))
     q = np.ravel(grid.wavenumbers)
     thin = np.where(q > 0, 1e6 / np.maximum(q, 1.0) ** 2 + q, 0.0)
     assert form_of(grid, q) == form_of(grid, q + 0.01 * q**3) == Form(gaps=True, cycle=True)
-    assert form_of(grid, np.where(q > 100, 20 + 0.2 * q, 0.4 * q)) == Form()
+    assert form_of(grid, np.where(q > 0, 100 + q, 0.0)) == Form()
     assert form_of(grid, thin) == Form(gaps=False, cycle=True)
     line = Grid((4096,), (1.0,))
     assert form_of(line, np.ravel(line.wavenumbers)) == Form()
@@ -201,7 +201,6 @@ def test_the_form_follows_the_stiffness():
 
 def test_a_stiff_film_under_a_line_is_handed_over_to_the_active_set():
     case, problem = film()
-    check(case, problem)
     solver = NestedGradient(case.transforms, case.grid)
     start = np.zeros(case.punch.size)
     for failures, tried in ((1, True), (2, True), (2, False)):

@@ -132,7 +132,7 @@ def advance(
             pulls = _NONE
             for i in range(rs.size):
                 pulls += rs[i]
-            free += pulls
+            free += float(pulls)
         for i in range(xs.size):
             press, apart = np.float32(xs[i]) * per_x, rs[i] * per_r
             off = press if press < apart else apart
@@ -626,8 +626,8 @@ class Unknowns:
     scales: tuple[float, float]  # of x and y in the residual
     level: float = 0.0  # of y where x > 0, weighted by x, or the y that is aimed at
     y0: Any = None  # y without x, where the whole of x is scaled
-    load: float = np.inf  # sum of y, of which points with an open gap have a small part only
     cap: float | None = None
+    load: float = np.inf  # sum of y, of which points with an open gap have a small part only
 
 
 class Form(NamedTuple):
