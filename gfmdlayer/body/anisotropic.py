@@ -179,6 +179,16 @@ class Anisotropic(OneModulus):
     def traction_spectrum(self, waves: Wavevectors | ArrayLike) -> TractionSpectrum:
         """Return the relaxing modes under tractions in all directions, at wavevectors of any shape.
 
+        Parameters
+        ----------
+        waves : Wavevectors or array
+            Wavevectors, or magnitudes |q| on a line: 1/length.
+
+        Returns
+        -------
+        TractionSpectrum
+            A matrix over the directions for each mode: pressure / length.
+
         Raises
         ------
         ValueError

@@ -13,7 +13,7 @@ from gfmdlayer.case.case import Case
 from gfmdlayer.case.model import simulate
 from gfmdlayer.config import Config
 from gfmdlayer.contact.active_set.solver import ActiveSet
-from gfmdlayer.contact.nested.iteration import Form, extent, form_of, settle
+from gfmdlayer.contact.nested.iteration import SearchForm, extent, form_of, settle
 from gfmdlayer.contact.nested.solver import NestedGradient
 from gfmdlayer.contact.problem import Problem
 from gfmdlayer.contact.residual import assess, residual_scales
@@ -179,7 +179,7 @@ def film(points=(1024,)):
 def test_a_stiff_film_under_a_surface_takes_few_iterations(depth_given):
     """Of gaps, with a cycle that bends as the film does: by pressures it takes hundreds, or never ends."""
     case, problem = film((64, 64))
-    assert form_of(case.grid, problem.stiffness) == Form(gaps=True, cycle=True)
+    assert form_of(case.grid, problem.stiffness) == SearchForm(gaps=True, cycle=True)
     if depth_given:
         found = solved(case, problem)
         problem = replace(problem, obstacle=case.punch - found.displacement.mean(), mean_pressure=None)
@@ -192,11 +192,11 @@ def test_the_form_follows_the_stiffness():
     grid = Grid((128, 128), (1.0, 1.0))
     q = np.ravel(grid.wavenumbers)
     thin = np.where(q > 0, 1e6 / np.maximum(q, 1.0) ** 2 + q, 0.0)
-    assert form_of(grid, q) == form_of(grid, q + 0.01 * q**3) == Form(gaps=True, cycle=True)
-    assert form_of(grid, np.where(q > 0, 100 + q, 0.0)) == Form()
-    assert form_of(grid, thin) == Form(gaps=False, cycle=True)
+    assert form_of(grid, q) == form_of(grid, q + 0.01 * q**3) == SearchForm(gaps=True, cycle=True)
+    assert form_of(grid, np.where(q > 0, 100 + q, 0.0)) == SearchForm()
+    assert form_of(grid, thin) == SearchForm(gaps=False, cycle=True)
     line = Grid((4096,), (1.0,))
-    assert form_of(line, np.ravel(line.wavenumbers)) == Form()
+    assert form_of(line, np.ravel(line.wavenumbers)) == SearchForm()
 
 
 def test_a_stiff_film_under_a_line_is_handed_over_to_the_active_set():

@@ -610,14 +610,14 @@ class NestedFields:
     scales: tuple[float, float] = (1.0, 1.0)  # of pressure and depth in the residual
     level: float = 0.0  # gap in contact, weighted by the pressure, or the gap that is aimed at
 
-    def unknowns(self) -> Unknowns:
+    def unknowns(self) -> Complements:
         """The pressure as unknown."""
         gap0 = self.gap0 if self.load is None else None
-        return Unknowns(self.p, self.gap, self.load, self.scales, self.level, gap0, self.cap)
+        return Complements(self.p, self.gap, self.load, self.scales, self.level, gap0, self.cap)
 
 
 @dataclass
-class Unknowns:
+class Complements:
     """What a search changes, x from 0 to the cap, and y = B x + c; pressure and gap, or gap and pressure."""
 
     x: Any
@@ -630,7 +630,7 @@ class Unknowns:
     load: float = np.inf  # sum of y, of which points with an open gap have a small part only
 
 
-class Form(NamedTuple):
+class SearchForm(NamedTuple):
     """The unknowns, and what preconditions them."""
 
     gaps: bool = False  # else pressures
@@ -638,17 +638,18 @@ class Form(NamedTuple):
 
 
 # Of kappa over a grid. A cycle costs as much as a pair, and saves iterations where kappa rises nearly as fast
-# as the wavenumber, by this part of that, or faster; and that of 1/kappa where kappa falls by so much.
-_RISE, _FALL = 0.5, 100.0
+# as the wavenumber, by this part of that, or faster; and that of 1/kappa where kappa falls by so much. From a
+# good guess few iterations are left, and a cycle pays only where kappa rises this much faster.
+_RISE, _RISE_WARM, _FALL = 0.5, 2.0, 100.0
 
 
-def form_of(grid: Grid, stiffness: FloatArray) -> Form:
-    """Return the form for a stiffness, one value a mode."""
+def form_of(grid: Grid, stiffness: FloatArray, warm: bool = False) -> SearchForm:
+    """Return the form for a stiffness, one value a mode, of a search that begins from a good guess or not."""
     if len(grid.points) < 2:
-        return Form()
+        return SearchForm()
     rise, fall = rise_and_fall(grid, stiffness)
-    gaps = rise >= max(RISE, _RISE * min(grid.points) / 2) and fall <= FALL
-    return Form(gaps, cycle=gaps or fall > _FALL)
+    gaps = rise >= max(RISE, (_RISE_WARM if warm else _RISE) * min(grid.points) / 2) and fall <= FALL
+    return SearchForm(gaps, cycle=gaps or fall > _FALL)
 
 
 class GridLevel:
@@ -660,7 +661,7 @@ class GridLevel:
         transforms: Transforms,
         problem: Problem,
         stiffness: FloatArray,
-        form: Form,
+        form: SearchForm,
     ) -> None:
         self.grid, self.transforms = grid, transforms
         self.parallel = ParallelPasses(grid, transforms.threads)
@@ -672,7 +673,7 @@ class GridLevel:
         self.set_operator(problem, stiffness, form)
         self.pairs = 0  # spent, in single precision
 
-    def set_operator(self, problem: Problem, stiffness: FloatArray, form: Form) -> None:
+    def set_operator(self, problem: Problem, stiffness: FloatArray, form: SearchForm) -> None:
         """Make the operator of the unknowns and its preconditioner from kappa."""
         grid, stiff = self.grid, stiffness > 0
         self.form, self.floor = form, problem.residual_floor
@@ -785,7 +786,7 @@ class GridLevel:
             at.gap *= punch / total
         return True
 
-    def gaps_of(self, at: NestedFields) -> Unknowns:
+    def gaps_of(self, at: NestedFields) -> Complements:
         """The gap as unknown, of a state whose pressure belongs to it and may be negative."""
         (_, weighted, total), extrema = self.parallel(extent, 0.0, None, at.h, at.p, at.gap)
         reached = FieldExtent(total / self.grid.size, *extrema)
@@ -796,7 +797,7 @@ class GridLevel:
             at.level = weighted / opened
         scales = self.scales(reached._replace(pressure=reached.pressure - at.level), 0.0)
         load = np.inf if at.load is None else at.load
-        return Unknowns(at.gap, at.p, opened, scales[::-1], at.level, load=load)
+        return Complements(at.gap, at.p, opened, scales[::-1], at.level, load=load)
 
     def _set_capped(self, at: NestedFields, cap: float) -> bool:
         """Cut the pressure off at the cap; scale the rest, or else all, to the given load; see `set_load`."""
@@ -832,7 +833,7 @@ class Search:
     sum, as the gap is shifted until there is no overlap, or twice the larger of them where no load is given.
     """
 
-    def __init__(self, level: GridLevel, at: Unknowns) -> None:
+    def __init__(self, level: GridLevel, at: Complements) -> None:
         self._on, self.at = level, at
         for field in (
             level.d,

@@ -29,12 +29,12 @@ from gfmdlayer.arrays import ComplexArray, FloatArray
 from gfmdlayer.contact.active_set.loop import iterate
 from gfmdlayer.contact.active_set.solver import ActiveSet
 from gfmdlayer.contact.nested.iteration import (
+    Complements,
     FieldExtent,
-    Form,
     GridLevel,
     NestedFields,
     Search,
-    Unknowns,
+    SearchForm,
     depart,
     form_of,
     narrow,
@@ -316,7 +316,7 @@ class NestedGradient:
         self._grid = grid or Grid(transforms.shape, (1.0,) * len(transforms.shape))
         self._fine: GridLevel | None = None
         self._stiffness: FloatArray = np.empty(0)
-        self._kind = False, False  # whether no load is given, and whether pressures end
+        self._kind = False, False, False  # whether no load is given, pressures end, and there is a guess
         self._narrow: list[FloatArray] = []  # in single precision: pressure, gap, gap without pressure
         self._work = transforms.empty_spectrum()
         self._active_set: ActiveSet | None = None  # made when a problem is first handed over
@@ -333,7 +333,7 @@ class NestedGradient:
         self._doubles, coarse, self.spent = 0.0, 0.0, (0.0, 0.0)
         if self._failures >= _FAILURES and self._grid.is_whole:
             return self._by_active_set(problem, start, (0, 0), tolerance, limit)
-        fine = self._level_of(problem)
+        fine = self._level_of(problem, self._grid.sums.maximum(float(np.fmax(start, 0.0).max())) > 0.0)
         at = self._fields(fine, problem, start, tolerance)
         if at.load is None and self._grid.sums.minimum(float(at.gap0.min())) >= 0.0:
             return self._no_contact(fine, problem, at, tolerance)
@@ -383,12 +383,12 @@ class NestedGradient:
         for p in (single, np.zeros(1)):
             project(0, 1, 1.0, 0.0, None, p, single, single, single)
 
-    def _level_of(self, problem: Problem) -> GridLevel:
+    def _level_of(self, problem: Problem, warm: bool) -> GridLevel:
         """The operators of the grid, made anew only where they have changed."""
-        kind = problem.mean_pressure is None, problem.hardness < np.inf
+        kind = problem.mean_pressure is None, problem.hardness < np.inf, warm
         same = kind == self._kind and np.array_equal(problem.stiffness, self._stiffness)
         if not self._grid.sums.minimum(int(same)):  # by all ranks, whoever's part has changed
-            form = Form() if kind[1] else form_of(self._grid, problem.stiffness)
+            form = SearchForm() if kind[1] else form_of(self._grid, problem.stiffness, warm)
             operator = problem, problem.stiffness, form
             if self._fine is None:
                 single = self._transforms.of_shape(self._grid.points, single=True)
@@ -470,8 +470,8 @@ class NestedGradient:
         return Search(fine, fine.gaps_of(at))
 
     def _assessed(
-        self, problem: Problem, fine: GridLevel, at: NestedFields, found: Unknowns, tolerance: float
-    ) -> tuple[Solution, Unknowns]:
+        self, problem: Problem, fine: GridLevel, at: NestedFields, found: Complements, tolerance: float
+    ) -> tuple[Solution, Complements]:
         """The solution that a search has found, in double precision, and the unknowns to go on with."""
         if fine.form.gaps:
             spectrum = self._evaluate_gap(problem, fine, at)
@@ -498,7 +498,7 @@ class NestedGradient:
             fine.parallel.only(narrow, less, field, narrowed)
         p, gap = self._narrow[:2]
         gap0 = None if load_given else self._narrow[2]
-        return Search(fine, Unknowns(p, gap, at.load, at.scales, at.level - shift, gap0, at.cap))
+        return Search(fine, Complements(p, gap, at.load, at.scales, at.level - shift, gap0, at.cap))
 
     def _evaluate(
         self, problem: Problem, fine: GridLevel, at: NestedFields
@@ -546,7 +546,7 @@ class NestedGradient:
         problem: Problem,
         fine: GridLevel,
         at: NestedFields,
-        found: Unknowns,
+        found: Complements,
         spectrum: ComplexArray,
         tolerance: float,
     ) -> Solution:
