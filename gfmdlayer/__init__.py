@@ -14,7 +14,8 @@ Punches          Parabola, Sphere, Cylinder, Flat, Cone, BluntedCone, Wedge, Pyr
                  rough: SelfAffine, Topography; of indent alone: FlatPunch, RadialProfile
 Interfaces       Exponential, Dugdale, LennardJones, Electrostatic
 Errors           GfmdlayerError: ConfigError, ConvergenceError, FitError, FolderError, ResultsError
-Formulas         LayeredHalfspace, ViscoelasticLayer, relaxation_spectrum, Spectrum, Wavevectors
+Formulas         LayeredHalfspace, ViscoelasticLayer, relaxation_spectrum
+                 Spectrum, TractionSpectrum, Wavevectors: what a Solid of your own answers with
 
 `help(gfmdlayer.solve)` explains a name. The names are imported when they are first used, so that
 ``import gfmdlayer`` costs nothing.

@@ -83,9 +83,9 @@ class GridKeys(Section):
     period: Annotated[tuple[Length, ...], BeforeValidator(sequence), Field(validate_default=True)] = (1.0,)
     """period L of the cell, or [Lx, Ly]: length"""
     boundary: Annotated[Annotated[tuple[_Side, ...], BeforeValidator(sequence)] | None, given] = None
-    """periodic (default), or isolated: without periodic images; or two words, [along x, along y]"""
+    """periodic (default), or isolated: without images; or [along x, along y]"""
     datum: Optional = None
-    """one isolated axis: distance at which the surface counts as at rest: length"""
+    """one isolated axis: distance where the surface counts as at rest: length"""
     extent: Optional = None
     """axisymmetric: profiles are written up to this radius: length"""
 

@@ -218,7 +218,8 @@ def _instrument(file: Path, _axes: int, keys: Keys, _rows: slice) -> Scan:
     scan = _by_surface_topography(file, keys)
     if isinstance(scan, Scan):
         return scan
-    packed = file.open("rb").read(2) == b"\x1f\x8b"
+    with file.open("rb") as opened:
+        packed = opened.read(2) == b"\x1f\x8b"
     raise TableError(f"{file}: {'is packed; must be unpacked' if packed else scan}")
 
 

@@ -390,7 +390,8 @@ def test_friction_on_an_isotropic_crystal_is_that_on_a_halfspace(points):
     layer = {"thickness": 0.5, "poisson": NU, "material": law}
     two = gfmdlayer.run(given | {"layer": layer, "halfspace": {"poisson": NU, "material": law}})
     for name in ("force", "tangential_force", "slip_heat", "dissipated"):
-        assert one[name].values == pytest.approx(two[name].values, rel=1e-9, abs=1e-12)
+        # K agrees to 1e-12, solutions to the tolerance of the solver, 1e-6 of the largest, at most.
+        assert one[name].values == pytest.approx(two[name].values, rel=1e-7, abs=1e-12)
 
 
 def test_a_crystal_that_shear_moves_across_the_waves_is_refused_before_a_run():

@@ -106,8 +106,8 @@ OF_A_UNIT = (
 def contacts(figure):
     """The colours of lines and maps of contact."""
     lines = {to_hex(line.get_color()) for line in figure.findobj(is_contact)}
-    gaps = [axes for axes in figure.axes for image in axes.images if image.get_cmap().name == "Blues"]
-    return lines | {to_hex(axes.get_facecolor()) for axes in gaps}
+    maps = [image.get_cmap() for axes in figure.axes for image in axes.images]
+    return lines | {to_hex(colours.get_under()) for colours in maps if colours.name == "Blues"}
 
 
 def is_contact(artist):

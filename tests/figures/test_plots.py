@@ -332,7 +332,7 @@ def test_case_in_two_dimensions_is_maps_and_a_cut_through_the_highest_pressure(t
     for column, factor in zip(panels.T, (1, 3), strict=True):
         np.testing.assert_array_equal(column[0].images[0].get_array(), factor * pressure.T)
         seen = np.ma.filled(column[1].images[0].get_array(), np.nan)
-        np.testing.assert_array_equal(seen, np.where(pressure > 0, np.nan, gap).T)
+        np.testing.assert_array_equal(seen, np.where(pressure > 0, -1.0, gap).T)
         row = int(np.argmin(np.abs(y - 0.25)))
         surface, punch, _ = (line.get_ydata() for line in column[2].lines)
         np.testing.assert_array_equal(punch - surface, gap[:, row])

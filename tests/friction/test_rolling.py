@@ -13,6 +13,7 @@ import pytest
 from scipy.integrate import quad
 
 import gfmdlayer
+from gfmdlayer.body.solid import Boundary
 from gfmdlayer.friction.isolated import without_images
 from gfmdlayer.friction.problem import FrictionProblem
 from gfmdlayer.friction.response import CroppedResponse
@@ -192,7 +193,9 @@ def test_cylinders_roll_as_carters_in_a_cell_of_four_half_widths(cell):
     h = 4.2 * a / 256
     n = round(cell * a / h)
     grid = Grid((n,), (n * h,))
-    response = without_images(gfmdlayer.halfspace(1.0, poisson=nu), grid, 1.0).with_weights(np.zeros(0))
+    response = without_images(
+        gfmdlayer.halfspace(1.0, poisson=nu), grid, Boundary((True,), 1.0)
+    ).with_weights(np.zeros(0))
     problem = FrictionProblem(
         response, grid.coordinates[0] ** 2 / (2 * radius), ShearBound(mu), load=load / (n * h),
         path=np.array([creepage * h]), way=h,
@@ -214,7 +217,9 @@ def test_free_rolling_creeps_as_bentall_and_johnson_found(nu):
     a = math.sqrt(2 * radius * load * (1 - nu) / math.pi)
     n, h = 256, 4.2 * a / 256
     grid = Grid((n,), (n * h,))
-    response = without_images(gfmdlayer.halfspace(1.0, poisson=nu), grid, 1.0).with_weights(np.zeros(0))
+    response = without_images(
+        gfmdlayer.halfspace(1.0, poisson=nu), grid, Boundary((True,), 1.0)
+    ).with_weights(np.zeros(0))
     problem = FrictionProblem(
         response, grid.coordinates[0] ** 2 / (2 * radius), ShearBound(1e-4), load=load / (n * h),
         force=np.zeros(1), way=h,
