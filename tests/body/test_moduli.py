@@ -226,7 +226,9 @@ def test_a_liquid_that_only_flows_has_the_compliance_of_a_dashpot():
 
 
 @pytest.mark.parametrize(
-    "law", [Zener(1.0, 10.0, 2.0), Kohlrausch(1.0, 10.0, 2.0, 0.5)], ids=lambda law: law.model
+    "law",
+    [Zener(1.0, 10.0, 2.0), pytest.param(Kohlrausch(1.0, 10.0, 2.0, 0.5), marks=pytest.mark.slow)],
+    ids=lambda law: law.model,
 )
 def test_creep_and_relaxation_are_inverse(law):
     """The integral of G(t - x) J(x) over x is t: for all t, here by Gauss's rule in parts."""

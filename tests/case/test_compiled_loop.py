@@ -17,7 +17,7 @@ from tests.recordings import InParts, bits_of
 LOOPS = {"compiled": False, "in Python": True}  # `stepwise` of a case
 LINES = (64, 100, 256, 1000, 1024)
 SURFACES = ([16, 16], [32, 16], [24, 40])
-FEW, MANY = 20, 80  # of which 200 have been compared
+FEW, MANY = 12, 80  # of which 200 have been compared
 LONGEST = 40  # attempts between two stops
 
 # What few cases have.

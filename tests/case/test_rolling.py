@@ -45,11 +45,11 @@ ISOLATED = {"grid": {"points": [32, 32], "boundary": "isolated"}, "trajectory": 
     ("layer", "more", "ways"),
     [
         (ELASTIC, {}, 128),
-        (RELAXING, {}, 400),
+        pytest.param(RELAXING, {}, 400, marks=pytest.mark.slow),
         (ELASTIC, FORCED, 128),
         (ELASTIC, ISOLATED, 128),
         (RELAXING, ISOLATED, 400),
-        (RELAXING, {"trajectory": {"velocity": -SPACING}}, 400),
+        pytest.param(RELAXING, {"trajectory": {"velocity": -SPACING}}, 400, marks=pytest.mark.slow),
     ],
 )
 def test_marching_ends_in_the_state_that_is_found_at_once(layer, more, ways):

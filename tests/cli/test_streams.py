@@ -25,7 +25,7 @@ def results(tmp_path_factory):
     return out
 
 
-@pytest.mark.parametrize("closed", [">&-", "2>&-", ">&- 2>&-", "<&- >&- 2>&-"])
+@pytest.mark.parametrize("closed", [">&-", pytest.param("2>&-", marks=pytest.mark.slow), "<&- >&- 2>&-"])
 @pytest.mark.parametrize(("command", "status"), [("status", 0), ("report", 0), ("status none/", 2)])
 def test_the_status_does_not_depend_on_open_streams(results, command, status, closed):
     """Nor is anything printed into a file that got the number of a closed stream."""

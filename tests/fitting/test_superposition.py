@@ -45,6 +45,7 @@ def test_curves_without_noise_give_the_constants_of_wlf(kind):
     assert (np.diff(found.master.abscissa) > 0).all()
 
 
+@pytest.mark.slow  # the single fit above is the quick form
 def test_intervals_contain_the_constants_and_the_factors():
     """Of 12 draws with 2 constants and 5 factors: 95 % of 84, less four standard deviations of 12 draws."""
     inside = 0

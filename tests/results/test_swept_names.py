@@ -77,8 +77,12 @@ LAST = {each.rpartition(".")[2]: each for each in EVERY}
 TAKEN = [each for last, each in LAST.items() if dimension_names([each]) != [last] or last in known_columns()]
 
 
-@pytest.mark.parametrize("listed", [False, True])
-@pytest.mark.parametrize("key", [*TAKEN, *OWN, "interface", "layer.thickness", "grid.points"])
+SWEPT = [*TAKEN, *OWN, "interface", "layer.thickness", "grid.points"]
+
+
+@pytest.mark.parametrize(
+    ("key", "listed"), [(key, listed) for listed in (False, True) for key in SWEPT[:: 1 + 3 * listed]]
+)
 def test_cases_are_selected_by_every_key_beside_every_dimension(tmp_path, key, listed):
     records = []
     for index in range(2):

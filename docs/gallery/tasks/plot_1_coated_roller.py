@@ -38,6 +38,7 @@ for thickness, relaxed, glassy in ((5.0, 1.0, 4.0), (3.0, 2.0, 6.0)):
     losses.append(2 * np.sum(q * abs(waves) ** 2 * -compliance.imag) / pressure.mean())
 
 found, expected, within = float(last.friction.sel(velocity=speed)), float(sum(losses)), 1e-3
+assert abs(found / expected - 1) < within
 print(f"friction at {speed / 1e3:.3g} m/s: {found:.5f}; by the loss compliances {expected:.5f}")
 
 figure, panel = plt.subplots(figsize=(5.6, 3.4), layout="constrained")

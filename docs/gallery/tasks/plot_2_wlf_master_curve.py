@@ -36,6 +36,7 @@ friction = data.friction.where(data.time == data.time.max("row")).max("row")  # 
 cold, reference, warm = (friction.sel({"temperature.value": T}) for T in temperatures)
 
 found, expected, within = float(cold.sel(velocity=300.0)), float(reference.sel(velocity=3000.0)), 2e-3
+assert abs(found / expected - 1) < within
 print(f"friction at {temperatures[0]:.1f} °C and 0.3 m/s: {found:.5f}; at 25 °C and 3 m/s: {expected:.5f}")
 
 factors = np.array([gfmdlayer.WLF(C1=C1, C2=C2, reference=T0).factor(T) for T in temperatures])

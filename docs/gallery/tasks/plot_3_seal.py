@@ -41,6 +41,7 @@ load = pressure / (modulus * slope)
 persson, bush = erf(2**0.5 * load), (2 * np.pi) ** 0.5 * load
 found, expected = float(data.contact_area_interpolated[-1]), (persson + bush) / 2
 within = (bush - persson) / (bush + persson)
+assert abs(found / expected - 1) < within
 print(
     f"contact area {found:.3f} of the nominal one; Persson {persson:.3f}; Bush, Gibson and Thomas {bush:.3f}"
 )

@@ -41,6 +41,7 @@ layer = gfmdlayer.bonded_layer(100.0, gfmdlayer.Zener(G0=20.0, Ginf=200.0, tau=0
 K = float(layer.stiffness([2 * np.pi / 250.0], 0.0)[0])  # kPa/µm, at rest
 to_open = 10e-6 / 3.0 * np.sqrt(2 * 1e3 * (K * 1.0 - 0.1) / 8.8541878e-12)  # V
 found, expected, within = float(voltage[data.contact_area > 1 - 1e-9].min()), float(to_open), 0.01
+assert abs(found / expected - 1) < within
 print(f"complete contact down to {found:.1f} V; by the stiffness of the film {expected:.1f} V")
 
 figure, panel = plt.subplots(figsize=(5.6, 3.4), layout="constrained")

@@ -53,6 +53,7 @@ def read_off(t):
 
 hertz = 8 / 3 / (1 - poisson) * radius**0.5 * depth**1.5
 found, expected, within = float(np.interp(1.0, data.time, data.force)), float(hertz * read_off(1.0)), 0.03
+assert abs(found / expected - 1) < within
 print(f"force after 1 s: {found:.3f} N; by Ninomiya and Ferry and Hertz {expected:.3f} N")
 
 figure, (moduli, force) = plt.subplots(1, 2, figsize=(8.2, 3.4), layout="constrained")

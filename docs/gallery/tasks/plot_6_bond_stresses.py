@@ -34,6 +34,7 @@ bond = data.isel(z=-1)
 
 found, expected = float(abs(bond.stress_xz[-1]).max()), relaxed * a**3 / (3 * 3**0.5 * radius * h**2)
 within = 8 * (h / a) ** 2
+assert abs(found / expected - 1) < within
 print(f"largest shear stress at the bond: {found:.3f} MPa; of a thin sheet {expected:.3f} MPa")
 
 x = np.linspace(-a, a, 41)

@@ -43,6 +43,7 @@ def depth(t):
 
 
 found, expected, within = float(data.depth[-1]), depth(100.0), 1e-3
+assert abs(found / expected - 1) < within
 print(f"depth after 100 s: {found:.5f} mm; by Sneddon, Lee and Radok {expected:.5f} mm")
 
 times = np.geomspace(0.02, 100.0, 14)

@@ -45,6 +45,7 @@ with gfmdlayer.open_results(results) as data:
 hertz = np.sqrt(4 * force * radius / (np.pi * modulus))
 
 found, expected, within = float(width[-1]), float(hertz[-1]), float((np.pi * hertz[-1] / period) ** 2 / 6)
+assert abs(found / expected - 1) < within
 print(f"half-width under {force[-1]:.3g} N/mm: {found:.4f} mm; Hertz {expected:.4f} mm")
 
 figure, panel = plt.subplots(figsize=(5.6, 3.4), layout="constrained")
