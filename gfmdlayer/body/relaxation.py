@@ -207,7 +207,7 @@ class TractionSpectrum:
 
         Parameters
         ----------
-        in_plane : array_like, shape (*q.shape, 2, 2)
+        in_plane : array_like, of the shape of q, and (2, 2)
             K/G over (W, U), symmetric and not negative.
         across : array_like, of the shape of q
             K/G over V.
