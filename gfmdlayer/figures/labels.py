@@ -449,6 +449,9 @@ def finish(figure: Figure, notes: Sequence[str] = ()) -> None:
         if len(lines) > _MOST_LINES and any(map(is_warning, notes)):
             others = [note for note in notes if not is_warning(note)]
             lines = _lines([*others, "with warnings, see status or report"], figure.get_figwidth())
+        # More lines make the figure taller, not its panels smaller.
+        line = _LINE * float(rcParams["font.size"]) * font_scalings["small"] / 72
+        figure.set_figheight(figure.get_figheight() + line * max(0, len(lines) - _MOST_LINES))
         text = "\n".join(lines)
         figure.supxlabel(text, x=0.01, ha="left", fontsize="small", color="0.3")
 
@@ -459,6 +462,7 @@ def is_warning(note: str) -> bool:
 
 
 _WIDTH = 0.55  # of a letter, relative to the height of the font
+_LINE = 1.2  # likewise, of a line
 _MOST_LINES = 3  # with warnings: panels stay legible
 
 
