@@ -164,7 +164,7 @@ def test_every_picture_is_legible_and_complete(name, prefix, folder):
     assert found == []
 
 
-@pytest.mark.parametrize("name", FEW)
+@pytest.mark.parametrize("name", [*FEW, pytest.param("electroadhesion-quick", marks=pytest.mark.slow)])
 def test_a_report_has_labels_with_units_and_the_colour_of_contact(name, folder):
     path = SCRIPT["run"](name, folder)
     assert main(["report", str(path)]) == 0
