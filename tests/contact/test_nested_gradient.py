@@ -194,6 +194,9 @@ def test_the_form_follows_the_stiffness():
     thin = np.where(q > 0, 1e6 / np.maximum(q, 1.0) ** 2 + q, 0.0)
     assert form_of(grid, q) == form_of(grid, q + 0.01 * q**3) == SearchForm(gaps=True, cycle=True)
     assert form_of(grid, np.where(q > 0, 100 + q, 0.0)) == SearchForm()
+    # From a good guess gaps pay only on stiff films.
+    assert form_of(grid, q, warm=True) == SearchForm()
+    assert form_of(grid, q + 0.01 * q**3, warm=True) == SearchForm(gaps=True, cycle=True)
     assert form_of(grid, thin) == SearchForm(gaps=False, cycle=True)
     line = Grid((4096,), (1.0,))
     assert form_of(line, np.ravel(line.wavenumbers)) == SearchForm()
