@@ -175,7 +175,7 @@ class EnergyBalance(Observable):
             euler = self._time.integrator == "backward_euler"
             said = unbalanced(part, step=min(self._time.step, self._longest), euler=euler)
         # The shortest wave of the grid relaxes under a punch that moves, but has no slope along x.
-        return f"{said}, or more grid.points" if said and self._grid_limits else said
+        return f"{said}, or more grid.points, or both" if said and self._grid_limits else said
 
     def _of_interface(self, step: Step) -> float:
         """Energy of the interface per area."""

@@ -768,12 +768,13 @@ def _interpolated(drawn: Combination, rng: Draw, _: object) -> None:
             _interpolate(first, second, rng, tolerance, yields="hardness" in drawn.abilities)
 
 
+_COARSE = re.compile(r"COARSE: .*; take more grid\.points: (\d+)")  # along each axis
 _OPEN = re.compile(r"UNBALANCED: .*; use time\.(step|tolerance) ([-.0-9e]+)(, or more grid\.points)?")
 
 
 def _balanced(drawn: Combination, _: Draw, events: Counter[str]) -> None:
     """Require balances that are closed, or a warning; with its remedy they are."""
-    section, key, remedies, wider = drawn.config["time"], "", [], False
+    section, key, remedies, wider, enough = drawn.config["time"], "", [], False, 0
     tolerance = section.get("tolerance", 1e-4)
     limit = FIXED
     if section["step"] == "adaptive":
@@ -782,7 +783,8 @@ def _balanced(drawn: Combination, _: Draw, events: Counter[str]) -> None:
     for path in sorted(Path("results/cases").glob("*.h5")):
         lack = _balance(path)
         with open_hdf5(path) as h5:
-            found = _OPEN.search(str(h5.attrs.get("warnings", "")))
+            said = str(h5.attrs.get("warnings", ""))
+        found = _OPEN.search(said)
         if lack > limit and found is None:
             raise Wrong(
                 "balance", f"{path.stem}: {lack:.3g} of the largest energy, above {limit:g}, not said"
@@ -792,13 +794,16 @@ def _balanced(drawn: Combination, _: Draw, events: Counter[str]) -> None:
             remedies.append(float(value))
             open_cases.append(path)
             wider = wider or bool(points)
+            if coarse := _COARSE.search(said):
+                enough = max(enough, int(coarse[1]))
     if not remedies:
         return
     events[f"open balance, said: time.{key}"] += 1
     changed: Values = {f"time.{key}": min(remedies)}
     if wider and not any(at.startswith("grid") for at in _swept(drawn.config)):
         points = drawn.config["grid"]["points"]
-        changed["grid.points"] = [4 * n for n in points] if isinstance(points, list) else 4 * points
+        finer = [max(4 * n, enough) for n in (points if isinstance(points, list) else [points])]
+        changed["grid.points"] = finer if isinstance(points, list) else finer[0]
     try:
         closer = _again(Path("remedied"), changed)
     except Wrong as wrong:
