@@ -37,7 +37,7 @@ from gfmdlayer.contact.loading import Loading
 from gfmdlayer.contact.loss_stiffness import LossStiffnessSolver
 from gfmdlayer.contact.prediction import RING, PressurePrediction, Ring, predict, remember
 from gfmdlayer.contact.pressure_form import SurfaceState
-from gfmdlayer.contact.problem import DEPTH_FLOOR
+from gfmdlayer.contact.problem import DEPTH_FLOOR, FINER_LIMIT
 from gfmdlayer.contact.residual import ResidualFloor, mark_contact
 from gfmdlayer.grid.sums import pairwise_sum
 from gfmdlayer.history.adaptive_steps import (
@@ -439,9 +439,8 @@ ATTEMPTS = 256  # between two looks at signals, at most
 
 
 def takes(config: Config) -> bool:
-    """Whether the loop takes cases of this size and these tolerances, if they are ordinary."""
-    small = math.prod(config.grid.points) <= MOST_POINTS
-    return small and config.finer_tolerance == config.solver.tolerance
+    """Whether the loop takes cases of this size, if they are ordinary."""
+    return math.prod(config.grid.points) <= MOST_POINTS
 
 
 class March:
@@ -504,13 +503,14 @@ class March:
             self._moving = arrays_of(contact, self._modes, observables)
         self._sliding = None if self._moving is None else self._moving.sliding
         history = self._modes.arrays, self._sliding, self._errors
+        finer, most = contact.finer_tolerance, config.solver.max_iterations
         self._constants = LoopConstants(
             by_depth=by_depth,
             ramp=isinstance(drive, RampHold),
             adaptive=adaptive,
             every=config.output.snapshots == "every",
-            limit=config.solver.max_iterations,
-            tolerance=config.solver.tolerance,
+            limit=min(FINER_LIMIT, most) if finer < config.solver.tolerance else most,
+            tolerance=finer,
             least_depth=DEPTH_FLOOR * loading.height,
             height=loading.height,
             lowest=loading.lowest,

@@ -180,7 +180,7 @@ class Solver(Resumable, Protocol):
         ...
 
 
-_FINER_LIMIT = 1000  # iterations of a solve that may fail
+FINER_LIMIT = 1000  # iterations of a solve that may fail
 
 
 def solve_finer(
@@ -192,7 +192,7 @@ def solve_finer(
     # tolerance of the steps it looks like curvature of u(t), and no shorter step lowers it.
     if not finer < tolerance:
         return solver.solve(problem, start, tolerance, limit)
-    tight = solver.solve(problem, start.copy(), finer, min(_FINER_LIMIT, limit))
+    tight = solver.solve(problem, start.copy(), finer, min(FINER_LIMIT, limit))
     if tight.converged:
         return tight
     if tight.residual <= tolerance:  # the second solve confirms that its state keeps the constraints too

@@ -420,7 +420,7 @@ def warm_up(todo: Sequence[SweepCase], *, stepwise: bool = False) -> list[str]:
 
 def _kind(config: Config) -> Hashable:
     """Return the kind of a case, and what else decides whether the compiled loop takes it."""
-    return kind(config), config.output.keep_state, config.finer_tolerance < config.solver.tolerance
+    return kind(config), config.output.keep_state
 
 
 # Ranks of a case fail together: an error of one of them ends the case on all.

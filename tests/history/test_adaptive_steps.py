@@ -244,19 +244,33 @@ def test_under_a_stiff_glass_contact_is_solved_as_steps_need(run):
     assert np.array_equal(run(stiff)["time"], as_needed["time"])
 
 
-@pytest.mark.parametrize(("exponent", "tolerance"), [(0.5, 1e-5), (0.8, 1e-4)])
-def test_a_law_without_a_glassy_modulus_does_not_crawl_in_the_noise_of_its_solver(run, exponent, tolerance):
+FALLS = [{"G": tau**-0.9, "tau": tau} for tau in np.geomspace(1e-5, 1.0, 11).tolist()]
+
+
+@pytest.mark.parametrize(
+    ("material", "tolerance", "drive"),
+    [
+        ({"model": "power_law", "exponent": 0.5}, 1e-5, {"depth": 0.01}),
+        ({"model": "power_law", "exponent": 0.8}, 1e-4, {"depth": 0.01}),
+        ({"model": "power_law", "exponent": 0.7}, 1e-4, {"control": "load", "load": 0.01}),
+        ({"model": "prony", "G0": 1.0, "branches": FALLS}, 1e-4, {"control": "load", "load": 0.01}),
+    ],
+    ids=["depth", "steep", "load", "prony"],
+)
+def test_steps_do_not_crawl_in_the_noise_of_the_solver(run, material, tolerance, drive):
     """Steps feel stiffnesses of all times: a step that is shortened for the noise would find more of it."""
+    end = 2.0 if "load" in drive else 0.2
     powers = {
         "grid.points": 128,
-        "layer": {"thickness": 0.1, "material": {"model": "power_law", "exponent": exponent}},
-        "trajectory": {"depth": 0.01, "ramp_time": 0.1},
-        "time": {"end": 0.2, "step": "adaptive", "tolerance": tolerance},
+        "layer": {"thickness": 0.1, "material": material},
+        "trajectory": drive | {"ramp_time": 0.1},
+        "time": {"end": end, "step": "adaptive", "tolerance": tolerance},
     }
     usual, exact = (run(powers | {"solver.tolerance": of_solver}) for of_solver in (1e-6, 1e-11))
     assert len(usual["time"]) < 1.5 * len(exact["time"])  # noise of the size of the tolerance rejects a few
     # At the end of the ramp, and of the hold; both have the error of the tolerance, twice at most (above).
-    largest = exact["mean_pressure"].max()
-    for time in (0.1, 0.2):
-        here, there = (each["mean_pressure"][each["time"] == time][0] for each in (usual, exact))
+    column = "depth" if "load" in drive else "mean_pressure"
+    largest = exact[column].max()
+    for time in (0.1, end):
+        here, there = (each[column][each["time"] == time][0] for each in (usual, exact))
         assert here == pytest.approx(there, abs=4 * tolerance * largest)
