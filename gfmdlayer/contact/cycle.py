@@ -82,11 +82,17 @@ def unit_of(kappa_1: float) -> float:
 
 def rise_and_fall(grid: Grid, stiffness: FloatArray) -> tuple[float, float]:
     """Factors by which a stiffness rises with the wavenumber, along each axis, and falls, along any."""
-    modes = grid.every_mode(stiffness).reshape(grid.points[0], -1)
-    axes = [modes[0, 1:], modes[1 : grid.points[0] // 2 + 1, 0]]
+    rows = _in_two(grid.points)[0]
+    modes = grid.every_mode(stiffness).reshape(rows, -1)
+    axes = [modes[0, 1:], modes[1 : rows // 2 + 1, 0]][: len(grid.points)]
     rise = min(float((each / np.minimum.accumulate(each)).max()) for each in axes)
     fall = max(float((np.maximum.accumulate(each) / each).max()) for each in axes)
     return rise, fall
+
+
+def _in_two(points: tuple[int, ...]) -> tuple[int, ...]:
+    """Rows and columns; a line is one row."""
+    return points if len(points) == 2 else (1, *points)
 
 
 def is_local(grid: Grid, stiffness: FloatArray) -> bool:
@@ -100,31 +106,37 @@ def no_cycle() -> Cycle:
     return _cycle(Grid((1, 1), (1.0, 1.0)), [], 1.0, [], [], 0.0)
 
 
-def cycle_of(whole: Grid, stiffness: FloatArray, kappa_1: float) -> Cycle:
+class Fit(NamedTuple):
+    """What a stiffness is on a grid of a cycle, in physical units."""
+
+    weights: FloatArray  # of the stencil
+    compliance: float  # c, the inverse of a stiffness
+    smoothing: float  # B s_0
+
+
+Fits = dict[tuple[tuple[int, ...], ...], Fit]  # by the points of a grid and of the next one
+
+
+def cycle_of(whole: Grid, stiffness: FloatArray, kappa_1: float, fits: Fits | None = None) -> Cycle:
     """Return the cycle on a grid for a stiffness that rises with the wavenumber, one value a mode.
 
-    It has no grid for lines and small surfaces.
+    It has no grid for a few points. `fits` are those found for the stiffness on the grids of other cycles;
+    those found here are added.
     """
-    shape, stiffness, unit = whole.points, whole.every_mode(stiffness), unit_of(kappa_1)
-    shapes = _shapes(shape, stiffness)
+    shape, kappa, unit = _in_two(whole.points), whole.every_mode(stiffness), unit_of(kappa_1)
+    shapes, fits = _shapes(shape, kappa), {} if fits is None else fits
     if len(shapes) < 2:
         return no_cycle()
-    kappa, weights, constants = stiffness / unit, [], []
+    found = []
     for points, below in pairwise(shapes):
-        grid = Grid(points, (1.0,) * len(points))
-        modes, taps = sample(grid), stencil(grid, kappa)
-        rows, columns = np.divmod(modes, points[1] // 2 + 1)
-        waves = np.minimum(rows, points[0] - rows), columns
-        lacking = np.zeros(modes.size, dtype=bool)
-        for axis, wave in enumerate(waves):
-            lacking |= (2 * wave >= below[axis]) & (below[axis] < points[axis])
-        exact, fitted = np.maximum(kappa[modes], kappa_1 / unit), symbol(grid, taps, modes)
-        weights.append(taps)
-        constants.append(
-            ((lacking / exact).mean(), min(_SMOOTHING, _POSITIVE * float(taps[0]) / fitted.max()))
-        )
+        if (points, below) not in fits:
+            fits[points, below] = _fit(points[-len(whole.points) :], below, kappa, kappa_1)
+        found.append(fits[points, below])
         kappa = truncated(kappa, points, below)
+    weights = [fit.weights / unit for fit in found]
+    constants = [(fit.compliance * unit, fit.smoothing) for fit in found]
     cycle = _cycle(whole, shapes, unit, weights, constants, _LOWEST * kappa_1 / unit)
+    kappa = kappa / unit
     height, width = shapes[-1]
     kappa = np.where(kappa > 0, kappa, 0.5 * kappa_1 / unit)
     response = np.fft.irfft2(kappa.reshape(height, -1), (height, width))
@@ -133,10 +145,23 @@ def cycle_of(whole: Grid, stiffness: FloatArray, kappa_1: float) -> Cycle:
     return cycle
 
 
+def _fit(points: tuple[int, ...], below: tuple[int, ...], kappa: FloatArray, kappa_1: float) -> Fit:
+    """Fit a stiffness on a grid above another one."""
+    grid, below = Grid(points, (1.0,) * len(points)), below[-len(points) :]
+    modes = sample(grid)
+    taps = stencil(grid, kappa)
+    *rows, columns = np.unravel_index(modes, grid.spectral_shape)
+    lacking = np.zeros(modes.size, dtype=bool)
+    for wave, more, fewer in zip((*rows, columns), points, below, strict=True):
+        lacking |= (2 * np.minimum(wave, more - wave) >= fewer) & (fewer < more)
+    exact, fitted = np.maximum(kappa[modes], kappa_1), symbol(grid, taps, modes)
+    return Fit(taps, (lacking / exact).mean(), min(_SMOOTHING, _POSITIVE * float(taps[0] / fitted.max())))
+
+
 def _shapes(shape: tuple[int, ...], stiffness: FloatArray) -> list[tuple[int, ...]]:
     """The grids: the axis along which the shortest wave is stiffest is halved, or both, to the last grid."""
     shapes = [shape]
-    if len(shape) < 2 or min(shape) < _FEWEST:
+    if 1 < min(shape) < _FEWEST:
         return shapes
     kappa = stiffness
     while max(shape) >= 2 * _FEWEST:
@@ -162,7 +187,7 @@ def _cycle(
     constants: list[tuple[float, float]],
     lowest: float,
 ) -> Cycle:
-    held = [whole.shape, *shapes[1:]] if shapes else []
+    held = [_in_two(whole.shape), *shapes[1:]] if shapes else []
     points = np.array([np.prod(shape) for shape in held], dtype=np.int64)
     size, last, finest, width = (
         (int(points.sum()), int(points[-1]), int(points[0]), shapes[0][1]) if shapes else (0, 0, 0, 0)
@@ -175,8 +200,11 @@ def _cycle(
     grids[:, 2], grids[:-1, 3:5] = np.cumsum(points) - points, begin.reshape(-1, 2)
     grids[:, 6] = [shape[0] for shape in shapes]
     grids[:-1, 3] += grids[:-1, 5]
-    place = np.array([k * m // n for n, m in axes for k in range(n + 1)], dtype=np.int64)
-    part = np.array([k * m % n / n for n, m in axes for k in range(n + 1)], dtype=np.float32)
+    spaced = [np.divmod(np.arange(n + 1) * m, n) for n, m in axes]
+    place = np.concatenate([np.zeros(0, np.int64), *(before for before, _ in spaced)])
+    part = np.concatenate(
+        [np.zeros(0, np.float32), *(after / n for (_, after), (n, _) in zip(spaced, axes, strict=True))]
+    ).astype(np.float32)
     beside, stiff_beside, reached = (np.empty((0, 0), np.float32) for _ in range(3))
     exchange, join = 0, 0
     if shapes and isinstance(whole, SlabGrid):
@@ -313,6 +341,12 @@ def _beside(cycle: Cycle, level: int) -> tuple[Any, Any]:
 
 
 @nb.njit(inline="always")
+def _reach(cycle: Cycle, level: int) -> int:
+    """Rows before and after one that its stencil reaches: none of a line."""
+    return 2 if cycle.grids[level, 6] > 1 else 0
+
+
+@nb.njit(inline="always")
 def _row(values: Any, i: int, ends: Any) -> Any:
     """A row, or one of two before or after."""
     rows = values.shape[0]
@@ -347,14 +381,15 @@ def _descend(cycle: Cycle, level: int, force: Any, below: Any) -> None:
     ring, row, beside = cycle.rows, cycle.rows[5], cycle.rows[6]
     left, right = beside[_ROOM - 1 :], beside[_ROOM + 1 :]
     ends, ends_D = _beside(cycle, level)
-    for k in range(-2, rows + 2):
+    reach = _reach(cycle, level)
+    for k in range(-reach, rows + reach):
         x, r, D = ring[(k + 5) % 5], _row(force, k, ends), _row(stiffness, k, ends_D)
         inner = x[_ROOM:]
         for j in range(columns):
             stiff = w0 + D[j]
             inner[j] = smoothing * r[j] / (stiff if stiff > least else least)
         _close(x, columns)
-        i = k - 2
+        i = k - reach
         if i < 0:
             continue
         r, D = force[i], stiffness[i]
@@ -380,7 +415,8 @@ def _ascend(cycle: Cycle, level: int, force: Any, below: Any, target: Any) -> tu
     ends, ends_D = _beside(cycle, level)
     first, begin, first_row, all_rows = cycle.grids[level, 3:]
     first -= first_row
-    for k in range(-2, rows + 2):
+    reach = _reach(cycle, level)
+    for k in range(-reach, rows + reach):
         i = first_row + k
         i = first + (i + all_rows if i < 0 else i - all_rows if i >= all_rows else i)
         m, part = cycle.place[i], cycle.part[i]
@@ -403,7 +439,7 @@ def _ascend(cycle: Cycle, level: int, force: Any, below: Any, target: Any) -> tu
             stiff, yields = stiff if stiff > least else least, _ONE + c * yields
             inner[j] = (smoothing * yields * r[j] + stiff * motion[j]) / (stiff * yields)
         _close(x, columns)
-        i = k - 2
+        i = k - reach
         if i < 0:
             continue
         r, D, result = force[i], stiffness[i], target[i]

@@ -19,30 +19,30 @@ REACH = 2  # rows and columns on either side
 # Rows and columns of the taps, one of each set that the symmetry of kappa in q_x and q_y makes equal.
 _TAPS = ((0, 0), (0, 1), (0, 2), (1, 0), (1, 1), (2, 0))
 _LEAST = 0.02
-_WAVES = 64  # along each axis of a surface, its square along a line, for the fit
+_WAVES, _WAVES_OF_LINE = 64, 512  # along each axis, for the fit
 
 
-def stencil(grid: Grid, stiffness: FloatArray) -> Any:
-    """Fit the stencil to a stiffness; return float32 weights of `_TAPS`, shape (6,)."""
+def stencil(grid: Grid, stiffness: FloatArray) -> FloatArray:
+    """Fit the stencil to a stiffness; return the weights of `_TAPS`, shape (6,)."""
     modes = sample(grid)
     stiffest = grid.ranks.maximum(float(stiffness.max()))
     inverse = 1.0 / np.maximum(stiffness[modes], _LEAST * stiffest)
     used = [k for k, (row, _) in enumerate(_TAPS) if row == 0 or len(grid.points) > 1]
     columns = _symbols(grid, modes)[used] * inverse
     normal = grid.ranks.total(np.hstack((columns @ columns.T, columns.sum(axis=1)[:, np.newaxis])))
-    weights = np.zeros(len(_TAPS), dtype=np.float32)
+    weights = np.zeros(len(_TAPS))
     weights[used] = np.linalg.lstsq(normal[:, :-1], normal[:, -1], rcond=None)[0]
     return weights
 
 
-def symbol(grid: Grid, weights: Any, modes: IntArray) -> FloatArray:
+def symbol(grid: Grid, weights: FloatArray, modes: IntArray) -> FloatArray:
     """The symbol of a stencil at some modes."""
-    return np.asarray(np.asarray(weights, np.float64) @ _symbols(grid, modes))
+    return np.asarray(weights @ _symbols(grid, modes))
 
 
 def sample(grid: Grid) -> IntArray:
     """Modes for the fit that this process holds, spread evenly over all of the grid."""
-    number = _WAVES ** (2 // len(grid.points))
+    number = _WAVES if len(grid.points) > 1 else _WAVES_OF_LINE
     rows = _spread(grid.points[0], number, 0.0) if len(grid.points) > 1 else np.zeros(1, dtype=int)
     # The last axis has the waves from 0 to the largest: each that is taken is in the middle of its part.
     own, columns = grid.waves_y, _spread(grid.points[-1] // 2 + 1, number, 0.5)
@@ -64,10 +64,8 @@ def _symbols(grid: Grid, modes: IntArray) -> FloatArray:
     ]
     across, along = (np.zeros(1), *phases) if len(phases) == 1 else phases
     y, x = np.divmod(modes, along.size)
-    rows, columns = (
-        [copies * np.cos(k * phase)[place] for k, copies in enumerate((1, 2, 2))]
-        for phase, place in ((across, y), (along, x))
-    )
+    cosines = np.cos(across)[y], np.cos(along)[x]
+    rows, columns = ([np.ones_like(c), 2.0 * c, 4.0 * c**2 - 2.0] for c in cosines)
     return np.array([rows[row] * columns[column] for row, column in _TAPS])
 
 

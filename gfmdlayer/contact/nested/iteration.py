@@ -41,6 +41,7 @@ from gfmdlayer.contact.cycle import (
     PRESSED,
     RISE,
     Cycle,
+    Fits,
     cycle_of,
     rise_and_fall,
     run_cycle,
@@ -637,19 +638,18 @@ class SearchForm(NamedTuple):
     cycle: bool = False  # of stencils for the operator; else one stencil for its inverse
 
 
-# Of kappa over a grid. A cycle costs as much as a pair, and saves iterations where kappa rises nearly as fast
-# as the wavenumber, by this part of that, or faster; and that of 1/kappa where kappa falls by so much. From a
-# good guess few iterations are left, and a cycle pays only where kappa rises this much faster.
-_RISE, _RISE_WARM, _FALL = 0.5, 2.0, 100.0
+# Of kappa over a surface. A cycle costs as much as a pair, and saves iterations where kappa rises nearly as
+# fast as the wavenumber, by this part of that, or faster; and that of 1/kappa where kappa falls by so much.
+# Along a line it saves many more wherever stencils describe kappa, and that of 1/kappa none.
+_RISE, _FALL = 0.5, 100.0
 
 
-def form_of(grid: Grid, stiffness: FloatArray, warm: bool = False) -> SearchForm:
-    """Return the form for a stiffness, one value a mode, of a search that begins from a good guess or not."""
-    if len(grid.points) < 2:
-        return SearchForm()
+def form_of(grid: Grid, stiffness: FloatArray) -> SearchForm:
+    """Return the form of a search for a stiffness, one value a mode."""
     rise, fall = rise_and_fall(grid, stiffness)
-    gaps = rise >= max(RISE, (_RISE_WARM if warm else _RISE) * min(grid.points) / 2) and fall <= FALL
-    return SearchForm(gaps, cycle=gaps or fall > _FALL)
+    line = len(grid.points) == 1
+    gaps = rise >= max(RISE, 0.0 if line else _RISE * min(grid.points) / 2) and fall <= FALL
+    return SearchForm(gaps, cycle=gaps or (fall > _FALL and not line))
 
 
 class GridLevel:
@@ -662,7 +662,9 @@ class GridLevel:
         problem: Problem,
         stiffness: FloatArray,
         form: SearchForm,
+        fits: Fits | None = None,
     ) -> None:
+        # `fits` are those of a finer grid.
         self.grid, self.transforms = grid, transforms
         self.parallel = ParallelPasses(grid, transforms.threads)
         self._modes = ParallelPasses(grid, transforms.threads, grid.spectral_shape)
@@ -670,10 +672,13 @@ class GridLevel:
         self._spectrum = transforms.empty_spectrum()
         self._factors = np.empty(stiffness.size, dtype=np.float32)
         self.one: Any = None
-        self.set_operator(problem, stiffness, form)
+        self.fits: Fits = {}
+        self.set_operator(problem, stiffness, form, fits)
         self.pairs = 0  # spent, in single precision
 
-    def set_operator(self, problem: Problem, stiffness: FloatArray, form: SearchForm) -> None:
+    def set_operator(
+        self, problem: Problem, stiffness: FloatArray, form: SearchForm, fits: Fits | None = None
+    ) -> None:
         """Make the operator of the unknowns and its preconditioner from kappa."""
         grid, stiff = self.grid, stiffness > 0
         self.form, self.floor = form, problem.residual_floor
@@ -685,10 +690,11 @@ class GridLevel:
         self._factors[:] = operator / grid.size
         self.stiffest = grid.sums.maximum(float(stiffness.max()))
         if not form.cycle:
-            self._weights = stencil(grid, stiffness)
+            self._weights = stencil(grid, stiffness).astype(np.float32)
             return
         least = grid.sums.minimum(float(operator.min(initial=np.inf, where=operator > 0)))
-        self._cycle = cycle_of(grid, operator, least)
+        self.fits = {} if fits is None else fits
+        self._cycle = cycle_of(grid, operator, least, self.fits)
         self._held, self._answer = self._cycle.D[: self.r.size], self.transforms.empty_field()
         self._held[:] = -1.0  # not known
         self._changed = np.inf  # points of C since the coarser grids of the cycle know it

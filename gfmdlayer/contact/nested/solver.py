@@ -232,7 +232,7 @@ def nest(fine: GridLevel, transforms: Transforms, problem: Problem, at: NestedFi
     for grid in reversed(fine.grid.nested[1:]):
         coarse = transforms.of_shape(grid.points, single=True)
         stiffness = transforms.truncated(problem.stiffness, coarse)
-        level = GridLevel(grid, coarse, problem, stiffness, fine.form)
+        level = GridLevel(grid, coarse, problem, stiffness, fine.form, fine.fits)
         fields = (coarse.backward(transforms.truncated(waves, coarse)) for waves in (surface, free))
         h, displaced = (field.astype(np.float64) / fine.grid.size for field in fields)
         load = None if at.load is None else at.load * grid.size / fine.grid.size
@@ -292,7 +292,9 @@ def _touch(level: GridLevel, at: NestedFields) -> None:
         at.p[:] = at.load / level.grid.size  # the punch lies equally low everywhere
 
 
-_POOR = 0.1  # residual of a guess from which coarser grids are the better beginning
+# Residual of a guess from which coarser grids are the better beginning. Of a gap the pressure has peaks at
+# the edges of the contact, which few iterations smooth.
+_POOR, _POOR_GAPS = 0.1, 2.0
 _LIMIT = 400  # iterations between two evaluations in double precision
 _PROGRESS = 0.5  # part of the last residual that an evaluation has to find
 _FAILURES = 2  # steps in a row after which the active set keeps the run
@@ -316,7 +318,7 @@ class NestedGradient:
         self._grid = grid or Grid(transforms.shape, (1.0,) * len(transforms.shape))
         self._fine: GridLevel | None = None
         self._stiffness: FloatArray = np.empty(0)
-        self._kind = False, False, False  # whether no load is given, pressures end, and there is a guess
+        self._kind = False, False  # whether no load is given, and pressures end
         self._narrow: list[FloatArray] = []  # in single precision: pressure, gap, gap without pressure
         self._work = transforms.empty_spectrum()
         self._active_set: ActiveSet | None = None  # made when a problem is first handed over
@@ -333,12 +335,12 @@ class NestedGradient:
         self._doubles, coarse, self.spent = 0.0, 0.0, (0.0, 0.0)
         if self._failures >= _FAILURES and self._grid.is_whole:
             return self._by_active_set(problem, start, (0, 0), tolerance, limit)
-        fine = self._level_of(problem, self._grid.sums.maximum(float(np.fmax(start, 0.0).max())) > 0.0)
+        fine = self._level_of(problem)
         at = self._fields(fine, problem, start, tolerance)
         if at.load is None and self._grid.sums.minimum(float(at.gap0.min())) >= 0.0:
             return self._no_contact(fine, problem, at, tolerance)
         search = self._from_guess(fine, problem, at, tolerance)
-        if search is None or not search.residual < _POOR:
+        if search is None or not search.residual < (_POOR_GAPS if fine.form.gaps else _POOR):
             coarse = nest(fine, self._transforms, problem, at)
             self._doubles += 0.5
             search = self._from_nest(fine, problem, at, tolerance)
@@ -383,12 +385,12 @@ class NestedGradient:
         for p in (single, np.zeros(1)):
             project(0, 1, 1.0, 0.0, None, p, single, single, single)
 
-    def _level_of(self, problem: Problem, warm: bool) -> GridLevel:
+    def _level_of(self, problem: Problem) -> GridLevel:
         """The operators of the grid, made anew only where they have changed."""
-        kind = problem.mean_pressure is None, problem.hardness < np.inf, warm
+        kind = problem.mean_pressure is None, problem.hardness < np.inf
         same = kind == self._kind and np.array_equal(problem.stiffness, self._stiffness)
         if not self._grid.sums.minimum(int(same)):  # by all ranks, whoever's part has changed
-            form = SearchForm() if kind[1] else form_of(self._grid, problem.stiffness, warm)
+            form = SearchForm() if kind[1] else form_of(self._grid, problem.stiffness)
             operator = problem, problem.stiffness, form
             if self._fine is None:
                 single = self._transforms.of_shape(self._grid.points, single=True)
@@ -487,7 +489,8 @@ class NestedGradient:
 
     def _search(self, fine: GridLevel, at: NestedFields, extent: FieldExtent, tolerance: float) -> Search:
         """Begin with a state, in single precision where that resolves the gaps."""
-        if tolerance < _SINGLE or not at.scales[1] > _SHALLOW * (extent.gap - at.level):
+        # A cycle for 1/kappa is for large ranges of kappa, whose rounding costs it iterations.
+        if tolerance < _SINGLE or fine.form.cycle or not at.scales[1] > _SHALLOW * (extent.gap - at.level):
             return Search(fine, at.unknowns())
         load_given = at.load is not None
         fields = [at.p, at.gap] if load_given else [at.p, at.gap, at.gap0]
