@@ -89,16 +89,49 @@ def column_plans(shape: tuple[int, int], block: int, threads: int, single: bool)
     The buffer holds one column after the other.
     """
     count, width = shape
-    spectrum, columns = aligned(2 * count * width, single), aligned(2 * count * block, single)
-    there = spectrum.ctypes.data, columns.ctypes.data
-    along, across = (FftwAxis * 1)(FftwAxis(count, width, 1)), (FftwAxis * 1)(FftwAxis(block, 1, count))
-    back = (FftwAxis * 2)(FftwAxis(count, 1, width), FftwAxis(block, count, 1))
+    spectrum, columns = (aligned(2 * count * each, single) for each in (width, block))
+    into = (count, width, 1), (block, 1, count), spectrum, columns
     with _planning(single, threads if count * width >= WORTH_THREADS else 1) as fftw:
-        forward, backward = (
-            _made(fftw.plan_guru_dft(1, along, 1, across, *there, sign, _ESTIMATE)) for sign in (-1, 1)
-        )
+        forward, backward = (_along(fftw, *into, sign) for sign in (-1, 1))
     with _planning(single, 1) as fftw:
-        return forward, backward, _made(fftw.plan_guru_dft(0, None, 2, back, *there[::-1], -1, _ESTIMATE))
+        return forward, backward, _copy(fftw, (count, 1, width), (block, count, 1), columns, spectrum)
+
+
+@cache
+def filter_plans(
+    shape: tuple[int, int], block: int, threads: int, single: bool, copied: bool
+) -> tuple[int, int, int, int]:
+    """Plans of some columns' way into a buffer and back: a copy, both transforms, and a copy.
+
+    The transforms read and write another buffer if the columns are copied, else the spectrum itself.
+    """
+    count, width = shape
+    spectrum, near, far = (aligned(2 * count * each, single) for each in (width, block, block))
+    stride, apart, place = (1, count, near) if copied else (width, 1, spectrum)
+    with _planning(single, threads if count * width >= WORTH_THREADS else 1) as fftw:
+        forward = _along(fftw, (count, stride, 1), (block, apart, count), place, far, -1)
+        backward = _along(fftw, (count, 1, stride), (block, count, apart), far, place, 1)
+    if not copied:
+        return 0, forward, backward, 0
+    with _planning(single, 1) as fftw:
+        there = _copy(fftw, (count, width, 1), (block, 1, count), spectrum, near)
+        return there, forward, backward, _copy(fftw, (count, 1, width), (block, count, 1), near, spectrum)
+
+
+_Axis = tuple[int, int, int]  # points, and strides of source and target
+
+
+def _along(fftw: Any, along: _Axis, across: _Axis, source: Any, target: Any, sign: int) -> int:
+    """Plan of transforms along an axis."""
+    axes = ((FftwAxis * 1)(FftwAxis(*axis)) for axis in (along, across))
+    places = source.ctypes.data, target.ctypes.data
+    return _made(fftw.plan_guru_dft(1, next(axes), 1, next(axes), *places, sign, _ESTIMATE))
+
+
+def _copy(fftw: Any, one: _Axis, other: _Axis, source: Any, target: Any) -> int:
+    """Plan of a copy over two axes."""
+    axes, places = (FftwAxis * 2)(FftwAxis(*one), FftwAxis(*other)), (source.ctypes.data, target.ctypes.data)
+    return _made(fftw.plan_guru_dft(0, None, 2, axes, *places, -1, _ESTIMATE))
 
 
 @contextmanager
