@@ -21,9 +21,9 @@ from dataclasses import asdict, replace
 from importlib import import_module
 from pathlib import Path
 
-import pyfftw
 from benchmarks.common import Effort, Table
 
+from gfmdlayer.grid.library import library
 from gfmdlayer.results.provenance import provenance
 
 # A section is a module of scripts/benchmarks with `measure(effort)`, which yields tables, and the efforts
@@ -133,7 +133,7 @@ def _effort(name: str, options: argparse.Namespace) -> Effort:
 
 def _machine() -> dict[str, str]:
     software = {key: value for key, value in provenance().items() if key != "hostname"}
-    return {"cpu": _cpu(), "fftw": pyfftw.fftw_version, "system": platform.platform(), **software}
+    return {"cpu": _cpu(), "fftw": library().version, "system": platform.platform(), **software}
 
 
 def _cpu() -> str:

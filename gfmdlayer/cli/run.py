@@ -234,6 +234,7 @@ def check(options: argparse.Namespace) -> int:
     """List the cases, the memory and the work of a configuration; run nothing."""
     from gfmdlayer.case.model import model_of
     from gfmdlayer.case.notes import accounts, notes
+    from gfmdlayer.grid.library import own
     from gfmdlayer.study import preflight
     from gfmdlayer.study.cases import label
     from gfmdlayer.study.cost import total
@@ -263,6 +264,7 @@ def check(options: argparse.Namespace) -> int:
         f"memory     about {preflight.in_bytes(cost.memory)} a process",
         f"disk       about {preflight.in_bytes(cost.storage)} in {directory}",
         *dict.fromkeys(line for case in explained for line in model_of(case.config).methods()),
+        *([f"transforms {fftw.version}, {fftw.place}"] if (fftw := own()) else []),
         *(f"read       {line}" for line in accounts(case.config for case in some)),
         _time(directory, some, part),
         *found,

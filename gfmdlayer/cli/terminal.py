@@ -128,6 +128,7 @@ def input_problems(error: Exception) -> Sequence[str]:
     """Return the messages of an error in the input or the results; empty for any other error."""
     from gfmdlayer.config import ConfigError
     from gfmdlayer.files.tables import TableError
+    from gfmdlayer.grid.library import FftwError
     from gfmdlayer.results.names import ResultsError
     from gfmdlayer.study.folder import FolderError
     from gfmdlayer.study.workers import LauncherError
@@ -136,7 +137,8 @@ def input_problems(error: Exception) -> Sequence[str]:
         return error.problems
     if isinstance(error, PermissionError):
         return [f"{error}; you need permission to read it, or to write there"]
-    return [str(error)] if isinstance(error, FolderError | LauncherError | TableError | ResultsError) else []
+    told = FolderError | FftwError | LauncherError | TableError | ResultsError
+    return [str(error)] if isinstance(error, told) else []
 
 
 def read_cases(options: argparse.Namespace, ranks_per_case: int = 1) -> tuple[Cases, Path]:

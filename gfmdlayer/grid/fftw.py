@@ -1,8 +1,7 @@
 """FFTW's plans, made through ctypes, and the cache of them in a process.
 
-pyfftw brings FFTW but no way into it from nopython code. Its extension module exports the C functions of
-FFTW, so plans are made through those (FFTW manual, "Guru" chapter). It is loaded as a library, since the
-package itself imports SciPy's transforms too.
+pyfftw brings FFTW but no way into it from nopython code, so plans are made through the C functions of FFTW
+(FFTW manual, "Guru" chapter), of this or of a user's own build (`library`).
 
 FFTW chooses its algorithm by an estimate of the operations (FFTW_ESTIMATE), not by a stopwatch: the bits of a
 transform then follow from its shape, its precision, its threads and the processor.
@@ -12,38 +11,14 @@ from __future__ import annotations
 
 import ctypes
 import math
-import os
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from functools import cache
-from importlib.machinery import EXTENSION_SUFFIXES
-from importlib.util import find_spec
-from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 
-# FFTW's threads sleep between transforms. Those of GNU's OpenMP would turn for milliseconds instead, on the
-# cores of the passes in between: at 2048 x 2048 points these gained nothing by a second thread.
-_POLICY = "OMP_WAIT_POLICY"
-
-
-def _library() -> Any:
-    """Load pyfftw's extension module as a library."""
-    spec = find_spec("pyfftw")
-    folders = map(Path, (spec and spec.submodule_search_locations) or ())
-    files = [folder / f"pyfftw{suffix}" for folder in folders for suffix in EXTENSION_SUFFIXES]
-    file = next((candidate for candidate in files if candidate.exists()), None)
-    if file is None:
-        raise ImportError("pyfftw is not installed; pip install pyfftw")
-    policy = os.environ.get(_POLICY)
-    os.environ.setdefault(_POLICY, "passive")  # OpenMP reads it when it is loaded
-    library = ctypes.CDLL(str(file))
-    if policy is None:
-        del os.environ[_POLICY]
-    return library
-
+from gfmdlayer.grid.library import FftwAxis, FftwError, library
 
 # Points of a field below which threads are not used: there a transform takes about a millisecond. On busy
 # cores they lost up to 1024 x 1024 points and were even at 2048 x 2048; on two idle ones a first solve of
@@ -54,33 +29,6 @@ _ESTIMATE, _DESTROY_INPUT = 1 << 6, 1 << 0  # fftw3.h
 ALIGNED = 64  # bytes
 
 _INT, _POINTER = ctypes.c_int, ctypes.c_void_p
-
-
-class _FftwAxis(ctypes.Structure):
-    """fftw_iodim: points and both strides of an axis."""
-
-    _fields_ = (("n", _INT), ("input", _INT), ("output", _INT))
-
-
-_PLANNER = (_POINTER, [_INT, ctypes.POINTER(_INT), _POINTER, _POINTER, ctypes.c_uint])
-_LAYOUT = [_POINTER, ctypes.POINTER(_INT), _INT, _INT]  # array, embedding, stride and distance
-_MANY = [_INT, ctypes.POINTER(_INT), _INT, *_LAYOUT, *_LAYOUT]
-_AXES = [_INT, ctypes.POINTER(_FftwAxis)]
-_SIGNATURES: dict[str, tuple[Any, list[Any]]] = {
-    "plan_dft_r2c": _PLANNER,
-    "plan_dft_c2r": _PLANNER,
-    "plan_many_dft_r2c": (_POINTER, [*_MANY, ctypes.c_uint]),
-    "plan_many_dft_c2r": (_POINTER, [*_MANY, ctypes.c_uint]),
-    "plan_guru_dft": (_POINTER, [*_AXES, *_AXES, _POINTER, _POINTER, _INT, ctypes.c_uint]),
-    "execute_dft": (None, [_POINTER] * 3),
-    "execute_dft_r2c": (None, [_POINTER] * 3),
-    "execute_dft_c2r": (None, [_POINTER] * 3),
-    "init_threads": (_INT, []),
-    "plan_with_nthreads": (None, [_INT]),
-    "forget_wisdom": (None, []),
-}
-C: Any = _library()
-
 
 # Fields are made anew in each step. Memory of some megabytes would go back to the system each time, and come
 # again page by page, empty: a seventh of a step of 512 x 512 points. The options stand in malloc.h.
@@ -98,17 +46,10 @@ def _keep_freed_memory() -> None:
 _keep_freed_memory()
 
 
-def _functions(prefix: str) -> Any:
-    """FFTW's functions in one precision, whose names begin alike."""
-    for name, (result, arguments) in _SIGNATURES.items():
-        function = getattr(C, f"{prefix}_{name}")
-        function.restype, function.argtypes = result, arguments
-    return SimpleNamespace(**{name: getattr(C, f"{prefix}_{name}") for name in _SIGNATURES})
-
-
-DOUBLE, SINGLE = _functions("fftw"), _functions("fftwf")
-for _each in (DOUBLE, SINGLE):  # before the first plan, as threads belong to the planner
-    _each.init_threads()
+DOUBLE, SINGLE = library().double, library().single
+if library().threads:
+    for _each in (DOUBLE, SINGLE):  # before the first plan, as threads belong to the planner
+        _each.init_threads()
 
 
 # Plans are made once in a process, and live as long as it.
@@ -148,16 +89,49 @@ def column_plans(shape: tuple[int, int], block: int, threads: int, single: bool)
     The buffer holds one column after the other.
     """
     count, width = shape
-    spectrum, columns = aligned(2 * count * width, single), aligned(2 * count * block, single)
-    there = spectrum.ctypes.data, columns.ctypes.data
-    along, across = (_FftwAxis * 1)(_FftwAxis(count, width, 1)), (_FftwAxis * 1)(_FftwAxis(block, 1, count))
-    back = (_FftwAxis * 2)(_FftwAxis(count, 1, width), _FftwAxis(block, count, 1))
+    spectrum, columns = (aligned(2 * count * each, single) for each in (width, block))
+    into = (count, width, 1), (block, 1, count), spectrum, columns
     with _planning(single, threads if count * width >= WORTH_THREADS else 1) as fftw:
-        forward, backward = (
-            _made(fftw.plan_guru_dft(1, along, 1, across, *there, sign, _ESTIMATE)) for sign in (-1, 1)
-        )
+        forward, backward = (_along(fftw, *into, sign) for sign in (-1, 1))
     with _planning(single, 1) as fftw:
-        return forward, backward, _made(fftw.plan_guru_dft(0, None, 2, back, *there[::-1], -1, _ESTIMATE))
+        return forward, backward, _copy(fftw, (count, 1, width), (block, count, 1), columns, spectrum)
+
+
+@cache
+def filter_plans(
+    shape: tuple[int, int], block: int, threads: int, single: bool, copied: bool
+) -> tuple[int, int, int, int]:
+    """Plans of some columns' way into a buffer and back: a copy, both transforms, and a copy.
+
+    The transforms read and write another buffer if the columns are copied, else the spectrum itself.
+    """
+    count, width = shape
+    spectrum, near, far = (aligned(2 * count * each, single) for each in (width, block, block))
+    stride, apart, place = (1, count, near) if copied else (width, 1, spectrum)
+    with _planning(single, threads if count * width >= WORTH_THREADS else 1) as fftw:
+        forward = _along(fftw, (count, stride, 1), (block, apart, count), place, far, -1)
+        backward = _along(fftw, (count, 1, stride), (block, count, apart), far, place, 1)
+    if not copied:
+        return 0, forward, backward, 0
+    with _planning(single, 1) as fftw:
+        there = _copy(fftw, (count, width, 1), (block, 1, count), spectrum, near)
+        return there, forward, backward, _copy(fftw, (count, 1, width), (block, count, 1), near, spectrum)
+
+
+_Axis = tuple[int, int, int]  # points, and strides of source and target
+
+
+def _along(fftw: Any, along: _Axis, across: _Axis, source: Any, target: Any, sign: int) -> int:
+    """Plan of transforms along an axis."""
+    axes = ((FftwAxis * 1)(FftwAxis(*axis)) for axis in (along, across))
+    places = source.ctypes.data, target.ctypes.data
+    return _made(fftw.plan_guru_dft(1, next(axes), 1, next(axes), *places, sign, _ESTIMATE))
+
+
+def _copy(fftw: Any, one: _Axis, other: _Axis, source: Any, target: Any) -> int:
+    """Plan of a copy over two axes."""
+    axes, places = (FftwAxis * 2)(FftwAxis(*one), FftwAxis(*other)), (source.ctypes.data, target.ctypes.data)
+    return _made(fftw.plan_guru_dft(0, None, 2, axes, *places, -1, _ESTIMATE))
 
 
 @contextmanager
@@ -165,6 +139,11 @@ def _planning(single: bool, threads: int) -> Iterator[Any]:
     """Plan in the block for a number of threads."""
     fftw = SINGLE if single else DOUBLE
     fftw.forget_wisdom()  # an estimate takes over what another user of FFTW has measured
+    if not library().threads:
+        if threads > 1:
+            raise FftwError(f"{library().place} has been built without threads; must run on one thread")
+        yield fftw
+        return
     fftw.plan_with_nthreads(threads)
     yield fftw
     fftw.plan_with_nthreads(1)

@@ -36,7 +36,7 @@ from gfmdlayer.grid.fftw import DOUBLE, FUNCTION, SINGLE, address, call, row_pla
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.grid.ranks import MpiRanks, wait
 from gfmdlayer.grid.sums import Completion
-from gfmdlayer.grid.transforms import Columns, Plans, Transforms, by_blocks, shared_transforms
+from gfmdlayer.grid.transforms import Columns, Filter, Plans, Transforms, by_blocks, shared_transforms
 
 _SHARED = Path("/dev/shm")  # the memory that processes share, on Linux
 _ALIGNED = 64  # bytes
@@ -408,6 +408,10 @@ class SlabTransforms(Transforms):
     def transform_back(self, spectrum: Any, field: Any) -> None:
         """Write the inverse transform of a spectrum, which is destroyed; both flat."""
         self._backward(spectrum.ctypes.data, field.ctypes.data)
+
+    def filter(self, factors: NDArray[Any]) -> Filter:
+        """Return what multiplies the modes of a field by factors, see `Transforms.filter`."""
+        return Filter(self, factors)
 
     def truncated(self, spectrum: NDArray[Any], coarser: Transforms) -> NDArray[Any]:
         """Return the modes that a coarser grid of the same cell has too, see `Transforms.truncated`."""

@@ -31,6 +31,7 @@ from gfmdlayer.grid.fftw import (
     aligned,
     call,
     column_plans,
+    filter_plans,
     row_plans,
     whole_plans,
 )
@@ -177,6 +178,82 @@ def by_blocks() -> tuple[int, int]:
     return forward, backward
 
 
+class Filter:
+    """Multiplies the modes of fields by real factors, one a mode."""
+
+    def __init__(self, transforms: Transforms, factors: npt.NDArray[Any]) -> None:
+        self._transforms, self._factors = transforms, factors
+        self._spectrum = transforms.empty_spectrum()
+
+    def __call__(self, field: Any, target: Any) -> None:
+        """Write the field of the multiplied modes; both flat, from `Transforms.empty_field`."""
+        self._transforms.transform(field, self._spectrum)
+        _multiply(self._factors, self._spectrum)
+        self._transforms.transform_back(self._spectrum, target)
+
+
+@kernel(reorder=True, borrows=True)
+def _multiply(factors: Any, spectrum: Any) -> None:
+    """Multiply a spectrum by the factors of its modes."""
+    for k in range(spectrum.size):
+        spectrum[k] *= factors[k]
+
+
+class SurfaceFilter(Filter):
+    """A filter that reads and writes the columns of a spectrum once: there, factors and back in a buffer."""
+
+    def __init__(self, transforms: Transforms, factors: npt.NDArray[Any]) -> None:
+        super().__init__(transforms, factors)
+        threads, single = transforms.threads, transforms.single
+        count, width = transforms.spectral_shape
+        fftw, block = SINGLE if single else DOUBLE, min(_COLUMNS * threads, width)
+        # From one row to the next it is farther than a page of large surfaces: copies go there less often.
+        copied = transforms.size > BY_BLOCKS
+        whole, rest = (
+            filter_plans((count, width), number, threads, single, copied) if number else (0, 0, 0, 0)
+            for number in (block, width % block)
+        )
+        self._factors = np.ascontiguousarray(factors.reshape(count, width).T).ravel()  # as in the buffer
+        self._near, self._far = (
+            aligned(2 * count * block, single).view(self._spectrum.dtype) for _ in range(2)
+        )
+        functions = fftw.execute_dft_r2c, fftw.execute_dft, fftw.execute_dft_c2r
+        self._plans = (
+            tuple(map(address, functions)),
+            row_plans(transforms.shape, threads, single),
+            whole,
+            rest,
+        )
+
+    def __call__(self, field: Any, target: Any) -> None:
+        """Write the field of the multiplied modes; both flat, from `Transforms.empty_field`."""
+        work = self._transforms.spectral_shape[0], self._factors, self._near, self._far
+        _filter_surface(*self._plans, *work, field, self._spectrum, target)
+
+
+@kernel(reorder=True, borrows=True)
+def _filter_surface(
+    functions: tuple[int, int, int], rows: tuple[int, int], whole: tuple[int, int, int, int],
+    rest: tuple[int, int, int, int], count: int, factors: Any, near: Any, far: Any, field: Any, spectrum: Any,
+    target: Any,
+) -> None:  # fmt: skip
+    execute(functions[0], rows[0], field, spectrum)
+    for begin in range(0, factors.size, far.size):
+        some, columns = factors[begin : begin + far.size], spectrum[begin // count :]
+        plans = whole if some.size == far.size else rest
+        place = columns
+        if plans[0]:
+            execute(functions[1], plans[0], columns, near)
+            place = near
+        execute(functions[1], plans[1], place, far)
+        for k in range(some.size):
+            far[k] *= some[k]
+        execute(functions[1], plans[2], far, place)
+        if plans[3]:
+            execute(functions[1], plans[3], near, columns)
+    execute(functions[2], rows[1], spectrum, target)
+
+
 class Transforms:
     """Forward and backward plans for one shape, and the aligned arrays that they accept."""
 
@@ -238,6 +315,10 @@ class Transforms:
     def transform_back(self, spectrum: Any, field: Any) -> None:
         """Write the inverse transform of a spectrum, which is destroyed; both flat."""
         _execute(self.plans.execute_backward, self.plans.backward_plan, spectrum, field)
+
+    def filter(self, factors: npt.NDArray[Any]) -> Filter:
+        """Return what multiplies the modes of a field by factors, of the precision of the transforms."""
+        return (SurfaceFilter if len(self.shape) == 2 else Filter)(self, factors)
 
     def truncated(self, spectrum: npt.NDArray[Any], coarser: Transforms) -> npt.NDArray[Any]:
         """Return the modes that a coarser grid of the same cell has too, as a new flat spectrum."""

@@ -11,9 +11,12 @@ from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
+from gfmdlayer.grid.library import own
+
 UNKNOWN = "unknown"
 CHECKPOINT_FORMAT = "9"  # of checkpoint and snapshots
 LIBRARIES = ("numpy", "scipy", "numba", "pyfftw", "h5py", "mpi4py")
+OWN_FFTW = ("fftw_version", "fftw_library")  # attributes where another FFTW than pyfftw's computes
 _DECISIVE = ("gfmdlayer", "numpy", "numba", "pyfftw")  # for the bits of results
 
 
@@ -46,7 +49,14 @@ def _software() -> dict[str, str]:
         "git_commit": git_commit(Path(__file__).parents[2]),
         "python_version": platform.python_version(),
         **versions,
+        **_own_fftw(),
     }
+
+
+def _own_fftw() -> dict[str, str]:
+    """Return version and file of a user's own FFTW; nothing where pyfftw's computes."""
+    fftw = own()
+    return {} if fftw is None else dict(zip(OWN_FFTW, (fftw.version, fftw.place), strict=True))
 
 
 def version_of(distribution: str) -> str:
@@ -94,4 +104,5 @@ def _versions_and_processor() -> dict[str, str]:
         "git_commit": known["git_commit"].removesuffix("-dirty"),
         "processor": get_host_cpu_name(),
         **{f"{name}_version": known[f"{name}_version"] for name in _DECISIVE},
+        **{name: known[name] for name in OWN_FFTW[:1] if name in known},
     }

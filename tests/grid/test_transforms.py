@@ -108,3 +108,19 @@ def test_threads_change_a_transform_by_rounding_only(shape):
     bound = 20 * np.finfo(float).eps
     np.testing.assert_allclose(two.forward(u), spectrum, atol=bound * np.abs(spectrum).max())
     np.testing.assert_allclose(two.backward(spectrum) / u.size, u.ravel(), atol=bound * np.abs(u).max())
+
+
+@pytest.mark.parametrize("single", [False, True])
+@pytest.mark.parametrize("shape", [(1024,), (7, 9), (48, 36), (20, 64), (520, 512)])
+def test_a_filter_multiplies_the_modes_of_a_field(shape, single):
+    """Columns go through buffers of 16, by copies above 512 x 512 points; the last ones are fewer."""
+    transforms, u = Transforms(shape, single=single), fields(shape)
+    factors = np.random.default_rng(4).uniform(0.5, 1.0, np.prod(transforms.spectral_shape))
+    field, target = transforms.empty_field(), transforms.empty_field()
+    field[:] = u.ravel()
+    transforms.filter(factors.astype(field.dtype))(field, target)
+    modes = np.fft.rfftn(u) * factors.reshape(transforms.spectral_shape)
+    exact = np.fft.irfftn(modes, shape).ravel() * u.size
+    eps = np.finfo(field.dtype).eps / np.finfo(float).eps
+    assert np.linalg.norm(target - exact) <= 2 * eps * rounding(shape) * np.linalg.norm(exact)
+    np.testing.assert_array_equal(field, u.ravel().astype(field.dtype))

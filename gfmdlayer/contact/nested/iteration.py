@@ -393,14 +393,6 @@ def extent(
 
 
 @kernel(reorder=True, borrows=True)
-def multiply(first: int, end: int, factors: Any, spectrum: Any) -> None:
-    """Multiply a spectrum by the factors of its modes."""
-    factors, modes = factors[first:end], spectrum[first:end]
-    for k in range(modes.size):
-        modes[k] *= factors[k]
-
-
-@kernel(reorder=True, borrows=True)
 def displace(
     first: int, end: int, stiffness: FloatArray, intercept: FloatArray, pressure: FloatArray, u: FloatArray
 ) -> None:
@@ -669,8 +661,6 @@ class GridLevel:
         self.parallel = ParallelPasses(grid, transforms.threads)
         self._modes = ParallelPasses(grid, transforms.threads, grid.spectral_shape)
         self.r, self.z, self.d, self.step, self.change = (transforms.empty_field() for _ in range(5))
-        self._spectrum = transforms.empty_spectrum()
-        self._factors = np.empty(stiffness.size, dtype=np.float32)
         self.one: Any = None
         self.fits: Fits = {}
         self.set_operator(problem, stiffness, form, fits)
@@ -687,7 +677,7 @@ class GridLevel:
             np.divide(1.0, stiffness, out=operator, where=stiff)
         if form.gaps and problem.mean_pressure is not None:  # which knows no mean gap
             grid.ranks.set_mean_wave(operator, 0.0)
-        self._factors[:] = operator / grid.size
+        self._filter = self.transforms.filter((operator / grid.size).astype(np.float32))
         self.stiffest = grid.sums.maximum(float(stiffness.max()))
         if not form.cycle:
             self._weights = stencil(grid, stiffness).astype(np.float32)
@@ -703,9 +693,7 @@ class GridLevel:
 
     def respond(self) -> None:
         """Write the change of y under the step, B step: one pair of transforms."""
-        self.transforms.transform(self.step, self._spectrum)
-        self._modes.only(multiply, self._factors, self._spectrum)
-        self.transforms.transform_back(self._spectrum, self.change)
+        self._filter(self.step, self.change)
         self.pairs += 1
 
     def displace(self, problem: Problem, spectrum: ComplexArray, work: ComplexArray) -> None:

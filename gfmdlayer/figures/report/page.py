@@ -42,7 +42,7 @@ from gfmdlayer.results.convergence import FILE, open_convergence
 from gfmdlayer.results.gathering import lay_out
 from gfmdlayer.results.names import FIELDS, SWEEP_FILE, ResultsError, described_key
 from gfmdlayer.results.netcdf import opened
-from gfmdlayer.results.provenance import LIBRARIES, duration, now, provenance
+from gfmdlayer.results.provenance import LIBRARIES, OWN_FFTW, duration, now, provenance
 from gfmdlayer.results.reader import VERIFIED
 from gfmdlayer.results.stored import unit_of
 from gfmdlayer.validation import text
@@ -289,7 +289,13 @@ def plain(value: Any) -> Any:
     return value if isinstance(value, int | float | str) else str(value)
 
 
-SOFTWARE = ("gfmdlayer_version", "git_commit", "python_version", *(f"{name}_version" for name in LIBRARIES))
+SOFTWARE = (
+    "gfmdlayer_version",
+    "git_commit",
+    "python_version",
+    *(f"{name}_version" for name in LIBRARIES),
+    *OWN_FFTW,
+)
 
 
 def warnings(contents: Contents) -> list[str]:
