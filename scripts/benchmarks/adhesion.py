@@ -1,7 +1,8 @@
 """Adhesive contact: FFT pairs per step of Newton's method and of FIRE, time over bare pairs, ablations.
 
 A parabola on a line, a sphere and a rough surface on an elastic halfspace are pressed in and pulled off in
-equal steps, E* = 4, work 1e-3 and radius 1/4 in cells of period 1. Two numbers
+equal steps, E* = 4, work 1e-3 and radius 1/4 in cells of period 1; the rough surface also on films, to
+several depths, where the work is that on a halfspace which is as stiff to the shortest wave. Two numbers
 characterise a case: the ratio of the stiffness of interface and body, work/(range^2 kappa_1), and the number
 of points in the cohesive zone of length (pi/4) E* range^2/work. On surfaces of more than 256 points per side
 only the first few steps of the retraction are computed.
@@ -20,8 +21,11 @@ import numba as nb
 import numpy as np
 from benchmarks.ablation import with_globals
 from benchmarks.common import Cell, Effort, Table, cpu_of_a_pair
+from benchmarks.rough import bodies
 
+from gfmdlayer import halfspace
 from gfmdlayer.arrays import FloatArray
+from gfmdlayer.body.body import Body
 from gfmdlayer.contact.cycle import Cycle, no_cycle
 from gfmdlayer.contact.fire import Fire
 from gfmdlayer.contact.newton import solver
@@ -43,6 +47,12 @@ _RANGES = {1 << 10: (4e-3, 2e-3, 1e-3), 1 << 12: (1e-3,), 1 << 14: (5e-4,), 1 <<
 _SIDES = (256, 512, 1024)
 _LATE = 4  # steps of the larger of them
 _RESIDUAL = 1e-6
+_BODIES = (
+    "halfspace",
+    *(f"{shear:g} on 1, d 0.02" for shear in (0.2, 5, 20, 100)),
+    *(f"{kind}, d 0.02" for kind in ("on a rigid base, nu 0.5", "free")),
+)
+_DEEPEST = (0.3, 0.6, 0.9)  # of the mean height
 
 
 class _Course(NamedTuple):
@@ -53,10 +63,13 @@ class _Course(NamedTuple):
     height: FloatArray
     law: Interaction
     depths: FloatArray
+    body: Body = halfspace(2 * _HALF_E_STAR / 4)  # incompressible: E* = 4 G
 
     def problems(self) -> Iterator[Problem]:
         """Yield the contact problems."""
-        kappa = _HALF_E_STAR * np.ravel(self.grid.wavenumbers)
+        q = np.ravel(self.grid.wavenumbers)
+        kappa = np.zeros(q.size)
+        kappa[1:] = self.body.stiffness(q[1:], 0.0)
         nothing = np.zeros(kappa.size, dtype=np.complex128)
         for depth in self.depths:
             yield Problem(kappa, nothing, self.height - depth, interface=self.law)
@@ -66,6 +79,8 @@ class _Outcome(NamedTuple):
     pairs: list[int]
     jumps: list[bool]
     seconds: float
+    iterations: int
+    deepest: Solution
 
 
 def measure(effort: Effort) -> Iterator[Table]:
@@ -91,6 +106,7 @@ def measure(effort: Effort) -> Iterator[Table]:
     yield _ablations([*small, _rough(128, effort.steps // 3)] if large else small)
     rough = [_rough(side, effort.steps // 3) for side in ((64, 128, *sides) if large else sides)]
     yield _cycles([*rough, *(course._replace(law=steep) for course in rough[:2])], effort.repetitions)
+    yield _films(128 if large else 64, effort)
 
 
 def _cycles(courses: list[_Course], repetitions: int) -> Table:
@@ -119,6 +135,38 @@ def _cycles(courses: list[_Course], repetitions: int) -> Table:
     return Table("adhesion-cycle", title, rows)
 
 
+def _films(side: int, effort: Effort) -> Table:
+    """Press the rough surface onto each body, to several depths, and pull it off."""
+    rows: list[dict[str, Cell]] = []
+    known = dict(bodies())
+    for name in _BODIES:
+        for deepest in _DEEPEST:
+            course = _rough(side, effort.steps // 3, known[name], deepest)
+            found = _follow(Newton(Transforms(course.grid.shape)), course)
+            again = (
+                _follow(Newton(Transforms(course.grid.shape)), course).seconds
+                for _ in range(effort.repetitions - 1)
+            )
+            rows.append(
+                {
+                    "body": name,
+                    "depth / mean height": deepest,
+                    "mean pressure": float(found.deepest.pressure.mean()),
+                    "contact area": f"{found.deepest.contact_area:.4f}",
+                    "jumps": sum(found.jumps),
+                    "iterations": found.iterations,
+                    "FFT pairs": sum(found.pairs),
+                    "CPU time [s]": min([found.seconds, *again]),
+                }
+            )
+    title = f"Adhesive contact of a rough surface, {side} x {side} points, {effort.steps // 3} depths"
+    note = (
+        "Sums over all steps but the first, from rest; pressure and area at the largest depth. The work is "
+        "that on a halfspace as stiff to the shortest wave."
+    )
+    return Table("adhesion-films", title, rows, note)
+
+
 def _line(n: int, reach: float, steps: int) -> _Course:
     grid = Grid((n,), (1.0,))
     return _Course(
@@ -133,13 +181,18 @@ def _sphere(side: int, steps: int) -> _Course:
     return _Course(f"sphere {side}²", grid, height, _law(reach), _late(side, _depths(8e-3, -4e-3, steps)))
 
 
-def _rough(side: int, steps: int) -> _Course:
+def _rough(side: int, steps: int, body: Body | None = None, deepest: float = 0.6) -> _Course:
     grid = Grid((side, side), (1.0, 1.0))
     shape = SelfAffine(hurst=0.8, roll_off=0.25, short_cutoff=16 / side, rms_slope=0.1, seed=1)
     height = np.ravel(shape.heights(grid))
     top = float(height.mean())
-    depths = _late(side, _depths(0.6 * top, 0.2 * top, steps))
-    return _Course(f"rough {side}²", grid, height, _law(2.5e-3), depths)
+    depths = _late(side, _depths(deepest * top, 0.2 * top, steps))
+    course = _Course(f"rough {side}²", grid, height, _law(2.5e-3), depths)
+    if body is None:
+        return course
+    shortest = float(np.max(grid.wavenumbers))
+    stiff = float(body.stiffness(np.array([shortest]), 0.0)[0]) / (_HALF_E_STAR * shortest)
+    return course._replace(law=Exponential(work=stiff * _WORK, range=2.5e-3).interaction(), body=body)
 
 
 def _late(side: int, depths: FloatArray) -> FloatArray:
@@ -185,16 +238,20 @@ def _follow(method: Solver, course: _Course) -> _Outcome:
     start, seconds = np.full(course.grid.size, np.inf), 0.0
     pairs: list[int] = []
     jumps: list[bool] = []
-    for problem in course.problems():
+    iterations, largest = 0, int(np.argmax(course.depths))
+    for step, problem in enumerate(course.problems()):
         begun = time.process_time()
         found = method.solve(problem, start, _RESIDUAL, 20_000)
         seconds += time.process_time() - begun if pairs else 0.0  # without compilation
         if not found.converged:
             raise RuntimeError(f"{course.name}: a residual of {found.residual:g}")
+        iterations += found.iterations if pairs else 0
+        if step == largest:
+            deepest = found
         pairs.append(found.transforms)
         jumps.append(found.released_energy > 0)
         start = found.gap
-    return _Outcome(pairs[1:], jumps[1:], seconds)
+    return _Outcome(pairs[1:], jumps[1:], seconds, iterations, deepest)
 
 
 class _LastDisplacement(Newton):
