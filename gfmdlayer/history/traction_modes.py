@@ -361,12 +361,15 @@ def _joined(parts: Sequence[ComplexArray]) -> ComplexArray:
 class TractionWaves:
     """The waves of a grid: wavevectors, (axes, waves), with the mode of the grid and the share in it of each.
 
-    The first waves are the modes in their order.
+    The first waves are the modes in their order, and `order` is that of the waves of all processes.
     """
 
     def __init__(self, grid: Grid) -> None:
         vectors = np.array([np.broadcast_to(q, grid.spectral_shape).ravel() for q in grid.wavevectors])
         mode, share = np.arange(vectors.shape[1]), np.ones(vectors.shape[1])
+        width, own = grid.points[-1] // 2 + 1, grid.spectral_shape[-1]
+        order = mode // own * width + mode % own + grid.columns.start
+        every = math.prod(grid.points[:-1]) * width
         for axis, (points, period) in enumerate(zip(grid.points, grid.period, strict=True)):
             if points % 2:
                 continue
@@ -376,7 +379,8 @@ class TractionWaves:
             others[axis] *= -1
             vectors = np.concatenate((vectors, others), axis=1)
             mode, share = np.append(mode, mode[shared]), np.append(share, share[shared])
-        self.vectors, self.mode, self.share = vectors, mode, share
+            order = np.append(order, order[shared] + (1 + axis) * every)
+        self.vectors, self.mode, self.share, self.order = vectors, mode, share, order
         length = np.sqrt((vectors**2).sum(axis=0))
         still = length == 0  # the mean has no direction
         self.along = np.where(still, 0.0, vectors / np.where(still, 1.0, length))
