@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -31,7 +32,7 @@ class SteadyRolling(FrictionContact):
         """Return the contact problem of the state."""
         way = self._way(instant)
         response = self.history.settled(self.drives.elapsed(instant), way)
-        turned = np.zeros((len(self.grid.points), self.grid.size)) + self._turned(way)
+        turned = np.zeros((len(self.grid.points), math.prod(self.grid.shape))) + self._turned(way)
         return self._of_drives(response, instant.time, way, before=turned, way=way)
 
     def _one_solution(

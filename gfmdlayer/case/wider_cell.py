@@ -21,11 +21,12 @@ from gfmdlayer.body.solid import HALF, WIDEST, Boundary
 from gfmdlayer.case.parts import Parts
 from gfmdlayer.config import Config
 from gfmdlayer.contact.loading import Loading
-from gfmdlayer.contact.nested.solver import NestedGradient
 from gfmdlayer.contact.reach import Reach
+from gfmdlayer.contact.solvers import AUTO, SOLVERS, choose
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.grid.transforms import Transforms
 from gfmdlayer.grid.wider import WiderCell
+from gfmdlayer.interface.law import HARD_WALL, Interaction
 from gfmdlayer.time_functions import Constant
 
 # Cells that are tried, over the window; with friction twice the window holds every contact in it.
@@ -54,9 +55,9 @@ def within(config: Config, wider: WiderCell) -> Config:
 def _wider(parts: Parts) -> WiderCell | None:
     """Return the cell of a case whose contact needs a wider one; None for others.
 
-    The contact is elastic, without attraction and friction, on a coarse grid, at the largest depth or force,
-    with the stiffness K(q, 1/t) of the time at which it is reached, and of the end of the run; at another
-    temperature with the glassy and the relaxed one.
+    The contact is elastic, without friction, on a coarse grid, at the largest depth or force, with the
+    attraction and the stiffness K(q, 1/t) of the time at which it is reached, and of the end of the run; at
+    another temperature with the glassy and the relaxed one.
     """
     config, drive = parts.config, parts.drives.drive
     grid = parts.grid
@@ -71,7 +72,7 @@ def _wider(parts: Parts) -> WiderCell | None:
     return wider_cell(
         parts.body, grid, parts.punch, most, config.grid.without_images,
         rates=rates, by_depth=config.trajectory.control == "depth", friction=bool(config.friction),
-        larger=bool(config.friction and config.interfaces),
+        larger=bool(config.friction and config.interfaces), interface=parts.drives.interface.at(first),
     )  # fmt: skip
 
 
@@ -86,6 +87,7 @@ def wider_cell(
     by_depth: bool,
     friction: bool,
     larger: bool = False,
+    interface: Interaction = HARD_WALL,
 ) -> WiderCell | None:
     """Return the smallest wider cell that a contact at a depth, or a mean pressure, needs.
 
@@ -113,7 +115,7 @@ def wider_cell(
         except ValueError:  # its response needs a larger cell
             continue
         reach = partial(Reach, boundary=boundary, body=None if friction else alone)
-        width = _estimate(alone, reach, around(whole), heights, given, rates, by_depth=by_depth)
+        width = _estimate(alone, reach, around(whole), heights, given, rates, interface, by_depth=by_depth)
         fewest = min(_COARSE, *(grid.points[axis] for axis in boundary.axes))
         most_wide = HALF - _EDGE / fewest if friction else alone.reach
         if width <= factor * most_wide:
@@ -156,6 +158,7 @@ def _estimate(
     heights: FloatArray,
     most: float,
     rates: tuple[float, ...],
+    interface: Interaction,
     *,
     by_depth: bool,
 ) -> float:
@@ -163,19 +166,24 @@ def _estimate(
     ratio = wider.factor
     touching = replace(wider, above=0.0).extended(np.where(heights > 0, 0.0, 1.0))
     width = reach(wider.whole).width(touching)
-    if most <= 0:
+    if most <= 0 and not interface.attracts:
         return width * ratio
     each = [k if n % (k := max(1, n // _COARSE)) == 0 else 1 for n in wider.points]
     some = heights.reshape(wider.points)[tuple(slice(None, None, k) for k in each)]
     whole = Grid(tuple(-(-n // k) for n, k in zip(wider.whole.points, each, strict=True)), wider.whole.period)
     coarse = replace(wider, points=some.shape, whole=whole)
     drive = Constant(most if by_depth else most / math.prod(whole.period))
-    loading = Loading(coarse.extended(some), drive, by_depth=by_depth)
-    solver, spectrum = NestedGradient(Transforms(whole.points), whole), body.spectrum(whole.waves)
+    loading = Loading(coarse.extended(some), drive, interface, by_depth=by_depth)
+    method = choose(AUTO, axes=2, rough=True, attracts=interface.attracts).method
+    solver, spectrum = (
+        SOLVERS[method].load()(Transforms(whole.points), grid=whole),
+        body.spectrum(whole.waves),
+    )
+    start = math.inf if interface.attracts else 0.0  # of a gap, or of a pressure
     for rate in rates:
         kappa = np.ravel(spectrum.stiffness(rate) if math.isfinite(rate) else spectrum.glassy)
         nothing = np.zeros(kappa.shape, dtype=np.complex128)
-        found = solver.solve(loading.problem(kappa, nothing, 0.0), np.zeros(whole.size), 1e-3)
+        found = solver.solve(loading.problem(kappa, nothing, 0.0), np.full(whole.size, start), 1e-3)
         if found.converged:
             width = max(width, reach(whole).width(found.pressure))
     return width * ratio

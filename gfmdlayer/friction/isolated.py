@@ -41,6 +41,7 @@ from gfmdlayer.body.relaxation import SAME_BRANCH, retardation
 from gfmdlayer.body.solid import Boundary
 from gfmdlayer.friction.response import CroppedResponse, Response
 from gfmdlayer.grid.grid import Grid, shared_grid
+from gfmdlayer.grid.ranks import ALONE, Ranks
 
 # Largest error of C(q, s) in creep form, relative to C_WW(q, 0), that is aimed at; times in a factor of e
 # that are tried; times at most.
@@ -63,6 +64,16 @@ class IsolatedResponse:
     parts: tuple[FloatArray, ...]  # of each component of `CroppedResponse`, (1 + k, *spectral shape)
     plain: tuple[FloatArray, ...]  # of each component of `Response`, likewise
     error: float  # of C(q, s) by the form, relative to C_WW(q, 0)
+    ranks: Ranks = ALONE  # the processes that hold the modes
+
+    def held_by(self, grid: Grid) -> IsolatedResponse:
+        """Return the response at those modes of the whole grid that this process holds."""
+        if grid.is_whole:
+            return self
+        parts, plain = (
+            tuple(part[..., grid.columns].copy() for part in each) for each in (self.parts, self.plain)
+        )
+        return IsolatedResponse(self.times, parts, plain, self.error, grid.ranks)
 
     @property
     def is_positive(self) -> bool:
@@ -86,6 +97,7 @@ class IsolatedResponse:
             tuple(joined(self.parts, other.parts, of_axes)),
             tuple(joined(self.plain, other.plain, {1})),
             max(self.error, other.error),
+            self.ranks,
         )
 
     def with_weights(self, weights: NDArray[Any]) -> CroppedResponse:
@@ -97,7 +109,8 @@ class IsolatedResponse:
                 return np.asarray(np.tensordot(every, part, 1))
             return np.asarray((every.reshape(part.shape) * part).sum(axis=0))
 
-        return CroppedResponse(tuple(map(mixed, self.parts)), Response(*map(mixed, self.plain)))
+        plain = Response(*map(mixed, self.plain), ranks=self.ranks)
+        return CroppedResponse(tuple(map(mixed, self.parts)), plain)
 
 
 def without_images(body: Any, grid: Grid, boundary: Boundary | None = None) -> IsolatedResponse:
@@ -120,9 +133,8 @@ def without_images(body: Any, grid: Grid, boundary: Boundary | None = None) -> I
     if isinstance(body, Pair):
         return without_images(body.first, grid, boundary).beside(without_images(body.second, grid, boundary))
     boundary = boundary or _all_alone(grid)
-    if isinstance(body, Layers):  # which never change
-        return _kept(body, grid.points, grid.period, boundary)
-    return _without_images(body, grid, boundary)
+    made = _kept if isinstance(body, Layers) else _of_whole  # layers never change
+    return made(body, grid.points, grid.period, boundary).held_by(grid)
 
 
 def _all_alone(grid: Grid) -> Boundary:
@@ -132,6 +144,12 @@ def _all_alone(grid: Grid) -> Boundary:
 @lru_cache(maxsize=4)
 def _kept(
     body: Layers, points: tuple[int, ...], period: tuple[float, ...], boundary: Boundary
+) -> IsolatedResponse:
+    return _of_whole(body, points, period, boundary)
+
+
+def _of_whole(
+    body: Any, points: tuple[int, ...], period: tuple[float, ...], boundary: Boundary
 ) -> IsolatedResponse:
     return _without_images(body, shared_grid(points, period), boundary)
 

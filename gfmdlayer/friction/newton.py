@@ -42,23 +42,26 @@ class Sets:
     """Which points are in contact, stick and slip, and the unknowns that are free on them."""
 
     def __init__(self, problem: FrictionProblem, at: FrictionState, damping: float) -> None:
-        rho = 1 / (1 + damping)
+        rho, ranks = 1 / (1 + damping), problem.ranks
         touching = at.p > rho * at.gap
-        if not touching.any():
-            touching = at.p > 0 if (at.p > 0).any() else at.gap <= at.gap.min()
+        if not ranks.maximum(int(touching.any())):
+            pressed = ranks.maximum(int((at.p > 0).any()))
+            touching = at.p > 0 if pressed else at.gap <= ranks.minimum(float(at.gap.min(initial=math.inf)))
         chosen = np.flatnonzero(touching)
         self.chosen, self.points = chosen, at.near[chosen]
         self.p, self.t, gap = at.p[chosen], at.t[:, chosen], at.gap[chosen]
         self.size, self.axes = chosen.size, len(at.t)
-        self.law, self._p_s = problem.law.at(self.points), at.p_s
+        self.law, self._p_s, self.ranks = problem.law.at(self.points), at.p_s, ranks
         self.bound = self._bounds(np.where(self.p > 0, self.p, np.maximum(-gap, 0.0)))
         y = self.t - rho * at.slip[:, chosen]
         length = norms(y)
         sticks = length <= self.bound
-        if problem.force is not None and not sticks.any() and self._is_parallel(y, length):
+        if problem.force is not None and not self._any(sticks) and self._is_parallel(y, length):
             part = (length + 1e-300) / np.maximum(self.bound, 1e-100)
-            sticks = part <= 1.05 * part.min()
+            sticks = part <= 1.05 * ranks.minimum(float(part.min(initial=math.inf)))
         self.stick, self.slip = np.flatnonzero(sticks), np.flatnonzero(~sticks)
+        # Points in contact, and those of them that stick, of all processes.
+        self.count, self.sticking = ranks.total(np.array([self.size, self.stick.size])).tolist()
         length, bound = length[self.slip], self.bound[self.slip]
         self.n = y[:, self.slip] / np.where(length > 0, length, 1.0)
         # lambda of each point that slips
@@ -75,7 +78,12 @@ class Sets:
         if self.axes == 1:
             return True
         along = self.bound * y / np.maximum(length, 1e-300)
-        return bool(np.linalg.norm(along.sum(axis=1)) > 0.95 * self.bound.sum())
+        *sums, most = self.ranks.total(np.append(along.sum(axis=1), self.bound.sum())).tolist()
+        return bool(math.hypot(*sums) > 0.95 * most)
+
+    def _any(self, chosen: BoolArray) -> bool:
+        """Whether some point is, of all processes."""
+        return bool(self.ranks.maximum(int(chosen.any())))
 
     @property
     def base(self) -> FloatArray:
@@ -225,7 +233,7 @@ class LinearSystem:
         self.which += list(range(1, 1 + axes)) if problem.force is not None else []
         goal = [problem.load] if problem.load is not None else []
         goal += list(problem.force) if problem.force is not None else []
-        self.goal = np.array(goal, dtype=float) * (C.size / at.p_s)
+        self.goal = np.array(goal, dtype=float) * (problem.points / at.p_s)
         delay, shift = np.zeros((1 + axes, size)), np.full(1 + axes, damping)
         delay[1:, sets.slip] = sets.delay
         point = np.array([C.point[0], *[C.point[1]] * axes])[:, np.newaxis]
@@ -244,8 +252,9 @@ class LinearSystem:
         touching[sets.points] = True
         sticking[sets.points[sets.stick]] = True
         if kept is not None and kept.touching.size == size:
-            changed = np.count_nonzero(kept.touching ^ touching) > 0.2 * sets.size
-            changed |= np.count_nonzero(kept.sticking ^ sticking) > 0.2 * sets.stick.size
+            others = kept.touching ^ touching, kept.sticking ^ sticking
+            moved = sets.ranks.total(np.array([np.count_nonzero(each) for each in others]))
+            changed = moved[0] > 0.2 * sets.count or moved[1] > 0.2 * sets.sticking
             if not changed and all(i in kept.fields for i in self.which):
                 return kept
         fields: dict[int, NDArray[Any]] = {}
@@ -260,7 +269,14 @@ class LinearSystem:
     def _sums(self, v: NDArray[Any]) -> FloatArray:
         """Sums of the tractions of free unknowns, those that are given."""
         fields = self.sets.moved(self.sets.expanded(v))
-        return np.array([fields[i].sum(dtype=np.float64) for i in self.which])
+        return self.sets.ranks.total(np.array([fields[i].sum(dtype=np.float64) for i in self.which]))
+
+    def products(self, vectors: NDArray[Any], v: NDArray[Any]) -> NDArray[Any]:
+        """Return the inner products of a vector with others; multipliers are the same on all processes."""
+        if not self.sets.ranks.first:
+            v = v.copy()
+            v[self.sets.free :] = 0.0
+        return self.sets.ranks.total(np.asarray(vectors @ v))
 
     def softened(self, v: NDArray[Any]) -> NDArray[Any]:
         """Return the preconditioner without multipliers: S K S on the free unknowns."""
@@ -277,7 +293,7 @@ class LinearSystem:
         z: NDArray[Any] = self.softened(v[:free])
         if not count:
             return z
-        root = math.sqrt(self.sets.size)
+        root = math.sqrt(self.sets.count)
         lack = v[free:].astype(float) * root - self._sums(z)
         c = np.linalg.lstsq(self.sums_of_ones, lack, rcond=None)[0]
         for part, one in zip(c, self.ones, strict=True):
@@ -295,7 +311,7 @@ class LinearSystem:
         ones = np.zeros((1 + sets.axes, sets.size), dtype=np.float32)
         for i, c in zip(self.which, z[free:], strict=True):
             ones[i] = c
-        sums = self._sums(v) / math.sqrt(sets.size)
+        sums = self._sums(v) / math.sqrt(sets.count)
         return np.concatenate((left - sets.compressed(ones), sums.astype(np.float32)))
 
     def solve_on_line(self, b: FloatArray, inexact: float) -> FloatArray:
@@ -334,8 +350,8 @@ class LinearSystem:
             right[tail:] -= sets.delay * (sets.across * base[1:, sets.slip]).sum(axis=0)
         if not self.which:
             return right
-        sums = np.array([base[i].sum() for i in self.which])
-        return np.concatenate((right, (self.goal - sums) / math.sqrt(sets.size)))
+        sums = sets.ranks.total(np.array([base[i].sum() for i in self.which]))
+        return np.concatenate((right, (self.goal - sums) / math.sqrt(sets.count)))
 
 
 def _inverse(sums: FloatArray) -> FloatArray:
@@ -349,12 +365,13 @@ def _inverse(sums: FloatArray) -> FloatArray:
 def gmres(
     apply: Callable[[NDArray[Any]], NDArray[Any]],
     precondition: Callable[[NDArray[Any]], NDArray[Any]],
+    products: Callable[[NDArray[Any], NDArray[Any]], NDArray[Any]],
     b: NDArray[Any],
     inexact: float,
     most: int,
 ) -> tuple[NDArray[Any], int]:
     """Solve by flexible, right-preconditioned GMRES in single precision; return the solution, iterations."""
-    size = float(np.linalg.norm(b))
+    size = math.sqrt(products(b, b))
     if not (size > 0 and math.isfinite(size)):
         return np.zeros(b.size), 0
     V, Z = np.empty((most + 1, b.size), dtype=np.float32), np.empty((most, b.size), dtype=np.float32)
@@ -368,10 +385,10 @@ def gmres(
         Z[k] = precondition(V[k])
         w = apply(Z[k])
         for _ in range(2 if k else 1):  # twice is enough for orthogonality to rounding
-            h = V[: k + 1] @ w
+            h = products(V[: k + 1], w)
             H[: k + 1, k] += h
             w = w - h @ V[: k + 1]
-        H[k + 1, k] = np.linalg.norm(w)
+        H[k + 1, k] = math.sqrt(products(w, w))
         if not np.isfinite(H[: k + 2, k]).all():
             return np.full(b.size, np.nan), k + 1
         y = np.linalg.lstsq(H[: k + 2, : k + 1], aim[: k + 2], rcond=None)[0]
@@ -422,7 +439,7 @@ class FrictionNewton:
         x = admissible(problem, at.x, at)
         if at.drift > 0.01 * tolerance:
             return self.state(problem, x)
-        if np.abs(x - at.x).max() > 1e-13 * at.p_s:
+        if self._largest(x - at.x) > 1e-13 * at.p_s:
             return assess(problem, x, *self.moved(at, x))
         return replace(at, x=x)
 
@@ -436,7 +453,7 @@ class FrictionNewton:
         change = at.x * (-1 / at.p_s)
         change[:, points] += base
         W = at.Cx[:, at.near] / at.W_s
-        if (np.abs(change) > 0.01 * min(tolerance, 1.0)).any():
+        if self._largest(change) > 0.01 * min(tolerance, 1.0):
             W += C.among(at.near)(change[:, at.near]) * (at.p_s / at.W_s)
         W = W[:, sets.chosen]
         gap = (problem.gap_at_rest[points] - at.depth) / at.W_s + W[0]
@@ -446,14 +463,14 @@ class FrictionNewton:
         system = LinearSystem(problem, sets, at, damping, C, self._K, self._ones, blocks)
         self._ones = system.kept
         b = system.right_side(gap, slip, base)
-        size = float(np.linalg.norm(b)) / math.sqrt(sets.size)
+        size = math.sqrt(system.products(b, b) / sets.count)
         least = _LEAST_INEXACT[len(at.t) - 1]
         inexact = min(_INEXACT, max(0.3 * tolerance / max(size, 1e-300), least))
         if sets.axes == 1 and not C.rolls:
             solution = system.solve_on_line(b, inexact)
         else:
             most = _ROLLING if C.rolls else INNER
-            solution, _ = gmres(system.apply, system.precondition, b, inexact, most)
+            solution, _ = gmres(system.apply, system.precondition, system.products, b, inexact, most)
         moved = base + sets.moved(sets.expanded(solution[: sets.free]))
         if sets.axes == 2:  # a direction of slip that has turned far: back to the circle
             p = moved[0, sets.slip]
@@ -463,6 +480,10 @@ class FrictionNewton:
         x[:, points] = moved * at.p_s
         path = at.path + solution[-sets.axes :] * at.W_s if problem.force is not None else None
         return x, path
+
+    def _largest(self, field: FloatArray) -> float:
+        """Return the largest magnitude of the values of all processes; NaN where one is none."""
+        return self._C.ranks.maximum(float(np.abs(field).max(initial=0.0)))
 
     def _blocks_for(self, sets: Sets, damping: float) -> tuple[BlockInverse, BlockInverse] | None:
         """Return the inverses of the compliance of intervals, where these are short."""
@@ -482,7 +503,7 @@ class FrictionNewton:
     def moved(self, at: FrictionState, x: FloatArray) -> tuple[FloatArray, float]:
         """Return the displacements under new tractions, and their drift."""
         change = x - at.x
-        drift = at.drift + _SINGLE * float(np.abs(change).max()) / at.p_s
+        drift = at.drift + _SINGLE * self._largest(change) / at.p_s
         if drift < 0.003 * at.residual:
             return at.Cx + self.displacements(change, single=True), drift
         return self.displacements(x), 0.0
@@ -533,9 +554,8 @@ class _Globalisation:
         problem, newton = self._problem, self._newton
         with np.errstate(over="ignore", invalid="ignore"):
             x, path = newton.step(problem, at, self._damping, tolerance)
-            if not np.isfinite(x).all() or np.abs(x - at.x).max() > 1e6 * at.p_s:
-                return None
-            if problem.load is not None and not x[0].max() > 0:
+            most = problem.ranks.maximum(np.array([np.abs(x - at.x).max(), x[0].max()]))
+            if not most[0] <= 1e6 * at.p_s or (problem.load is not None and not most[1] > 0):
                 return None
             Cx, drift = newton.moved(at, x)
             new = self._part(at, x, Cx, drift, path, 1.0)

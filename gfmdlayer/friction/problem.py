@@ -37,6 +37,7 @@ from numpy.typing import NDArray
 
 from gfmdlayer.arrays import BoolArray, FloatArray
 from gfmdlayer.friction.response import AnyResponse
+from gfmdlayer.grid.ranks import ALONE, Ranks
 from gfmdlayer.grid.sums import pairwise_sum
 from gfmdlayer.interface.friction import ShearBound
 from gfmdlayer.interface.law import HARD_WALL, Interaction
@@ -58,6 +59,22 @@ class FrictionProblem:
     before: FloatArray | None = None  # u_x[, u_y] at the end of the step before; by default none
     interface: Interaction = HARD_WALL  # across the gap, beside the wall
     way: float | None = None  # along x, after which the state repeats itself; by default it is a step
+    ranks: Ranks = ALONE  # the processes of whose grid these are the points
+
+    @cached_property
+    def points(self) -> int:
+        """Number of points, of all processes."""
+        return self.ranks.total(self.heights.size)
+
+    @cached_property
+    def lowest(self) -> float:
+        """The least gap without tractions at zero depth."""
+        return self.ranks.minimum(float(self.gap_at_rest.min()))
+
+    @cached_property
+    def is_frictionless(self) -> bool:
+        """Whether the bound is zero everywhere."""
+        return bool(self.ranks.minimum(int(self.law.is_frictionless)))
 
     @cached_property
     def slip_at_rest(self) -> FloatArray:
@@ -77,7 +94,8 @@ class FrictionProblem:
     def is_finite(self) -> bool:
         """Whether all that is given is a number."""
         values = self.gap_at_rest, self.slip_at_rest, self.load, self.depth, self.force, self.path
-        return all(np.isfinite(value).all() for value in values if value is not None)
+        finite = all(np.isfinite(value).all() for value in values if value is not None)
+        return bool(self.ranks.minimum(int(finite)))
 
     def why_not_solvable(self) -> str:
         """Return why no state satisfies the conditions: the punch slides away; else nothing."""
@@ -85,7 +103,7 @@ class FrictionProblem:
         if self.force is None:
             return ""
         size = float(np.linalg.norm(self.force))
-        smooth = self.law.is_frictionless
+        smooth = self.is_frictionless
         if not smooth and self.interface.attracts:
             return ""
         if not smooth and self.load is not None and np.ndim(self.law.coefficient) == 0:
@@ -185,7 +203,8 @@ def admissible(problem: FrictionProblem, x: FloatArray, at: FrictionState | None
     """Return the tractions with p >= 0 of the given mean and |t| <= b(p); |t| = b(p) where a state slips."""
     p = np.maximum(x[0], 0.0)
     if problem.load is not None:
-        p = p * (problem.load / p.mean()) if p.max() > 0 else np.full(p.shape, problem.load)
+        mean = problem.ranks.mean(p)
+        p = p * (problem.load / mean) if mean > 0 else np.full(p.shape, problem.load)
     t, bound = x[1:], problem.law.bound(p)
     if at is not None:
         t, slips = t.copy(), at.near[~at.sticks(problem)]
@@ -196,27 +215,29 @@ def admissible(problem: FrictionProblem, x: FloatArray, at: FrictionState | None
 # Depth and path as multipliers: the values for which the projected tractions carry the given forces.
 
 
-def balanced_depth(y: FloatArray, total: float) -> float:
+def balanced_depth(y: FloatArray, total: float, ranks: Ranks = ALONE) -> float:
     """Return d of sum max(y + d, 0) = total: convex and rising, so Newton's method falls to it from above."""
-    return float(_balanced_depth(y, np.empty(y.size), total - float(y.max()), total))
-
-
-@kernel(borrows=True)
-def _balanced_depth(y: FloatArray, over: FloatArray, d: float, total: float) -> float:
-    """Fall to the root from a value above it, with a work array."""
+    d, over = total - ranks.maximum(float(y.max())), np.empty(y.size)
     for _ in range(200):
-        count = 0
-        for i in range(y.size):
-            if y[i] + d > 0.0:
-                over[count] = y[i] + d
-                count += 1
-        if count == 0:  # the total is rounding beside the values
+        carried, points = ranks.total(np.array(_above(y, d, over))).tolist()
+        if points == 0:  # the total is rounding beside the values
             break
-        change = (total - pairwise_sum(over[:count])) / count
+        change = (total - carried) / points
         d += change
         if not abs(change) > 1e-14 * (abs(d) + 1.0):
             break
     return d
+
+
+@kernel(borrows=True)
+def _above(y: FloatArray, d: float, over: FloatArray) -> tuple[float, float]:
+    """Sum of max(y + d, 0), and the number of points where it is not zero, with a work array."""
+    count = 0
+    for i in range(y.size):
+        if y[i] + d > 0.0:
+            over[count] = y[i] + d
+            count += 1
+    return pairwise_sum(over[:count]), float(count)
 
 
 # The path D has sum P(y + D) = total, with P the projection on disks of given radii. The difference of both
@@ -241,17 +262,19 @@ def path_on_line(y: FloatArray, radii: FloatArray, total: float, D: float) -> Fl
     return np.array([D])
 
 
-def path_in_plane(y: FloatArray, radii: FloatArray, total: FloatArray, D: FloatArray) -> FloatArray:
+def path_in_plane(
+    y: FloatArray, radii: FloatArray, total: FloatArray, D: FloatArray, ranks: Ranks = ALONE
+) -> FloatArray:
     """Return the path of two axes by Newton's method down the convex function."""
     # With z = y + D it is the sum of |z|^2/2 in the disks, continued linearly outside, less total D.
-    largest = float(np.minimum(radii, norms(y)).sum()) + float(np.linalg.norm(total))
+    largest = ranks.total(float(np.minimum(radii, norms(y)).sum())) + float(np.linalg.norm(total))
 
     def looked_at(D: FloatArray) -> tuple[FloatArray, float]:
         z = y + D[:, np.newaxis]
         size = norms(z)
         inside = np.minimum(size, radii)
-        value = float((inside * (size - 0.5 * inside)).sum() - total @ D)
-        return np.asarray(in_disks(z, radii).sum(axis=1) - total), value
+        sums = ranks.total(np.append(in_disks(z, radii).sum(axis=1), (inside * (size - 0.5 * inside)).sum()))
+        return sums[:2] - total, float(sums[2] - total @ D)
 
     off, value = looked_at(D)
     for _ in range(100):
@@ -260,9 +283,12 @@ def path_in_plane(y: FloatArray, radii: FloatArray, total: FloatArray, D: FloatA
         outside = length > radii
         share = np.where(outside, radii / np.where(outside, length, 1.0), 1.0)
         n = z / length
-        slope = np.eye(2) * share.sum() - (n * np.where(outside, share, 0.0)) @ n.T
-        change = -np.linalg.solve(slope + 1e-9 * np.eye(2) * (share.sum() + 1e-30), off)
-        farthest = 2 * float(np.minimum(radii, length).max() + length.max())
+        turned = (n * np.where(outside, share, 0.0)) @ n.T
+        *parts, held = ranks.total(np.append(turned, share.sum())).tolist()
+        slope = np.eye(2) * held - np.reshape(parts, (2, 2))
+        change = -np.linalg.solve(slope + 1e-9 * np.eye(2) * (held + 1e-30), off)
+        most = [np.minimum(radii, length).max(initial=0.0), length.max(initial=0.0)]
+        farthest = 2 * float(ranks.maximum(np.array(most)).sum())
         change *= min(1.0, farthest / max(float(np.linalg.norm(change)), 1e-300))
         size, part = float(np.linalg.norm(off)), 1.0
         while part > 1e-6:
@@ -323,25 +349,26 @@ def assess(
     """Return the state with the multipliers that leave the least merit."""
     # Tried are those of balance, the means of gap and slip over contact and stick, the path of a linear
     # system, and mixtures: each alone fails on some problems.
-    p = x[0]
+    p, ranks = x[0], problem.ranks
     p_s, W_s = _scales(problem, p, Cx[0])
     carried = problem.gap_at_rest + Cx[0]
-    on = np.flatnonzero(p > 0)
     depths = [problem.depth]
     if problem.load is not None:
-        depths = [balanced_depth(p / p_s - carried / W_s, problem.load * p.size / p_s) * W_s]
-        if not balance_only and on.size:
-            depths.append(float(carried[on].mean()))
+        y, total = p / p_s - carried / W_s, problem.load * problem.points / p_s
+        depths = [balanced_depth(y, total, ranks) * W_s]
+        of_contact = _mean(carried[p > 0], ranks)
+        if not balance_only and of_contact is not None:
+            depths.append(float(of_contact[0]))
     near = np.flatnonzero((carried < max(depths)) | (x != 0).any(axis=0))
     view = _View(problem, x, Cx, near, p_s, W_s)
     depth_choices = [view.normal(carried[near], depth) for depth in depths]
     paths: list[FloatArray] = [np.zeros(len(x) - 1) if problem.path is None else problem.path]
-    if problem.force is not None and view.on.any():
+    if problem.force is not None and view.touches:
         paths = [view.balanced(problem.force)]
         if not balance_only:
-            stuck = view.stuck
-            if stuck.any():
-                paths.append(view.slip[:, stuck].mean(axis=1) * W_s)
+            of_stuck = _mean(view.slip[:, view.stuck], ranks)
+            if of_stuck is not None:
+                paths.append(of_stuck * W_s)
             if linear is not None:
                 paths.append(linear)
     depth, off, worst, gap = min(depth_choices, key=lambda each: each[1])
@@ -359,11 +386,18 @@ def assess(
 def _scales(problem: FrictionProblem, p: FloatArray, W: FloatArray) -> tuple[float, float]:
     """Units of pressure and of length: the largest ones of a state, or those of an overlap."""
     softest = problem.response.softest
-    largest = float(p.max())
+    largest, deepest = problem.ranks.maximum(np.array([p.max(), W.max()])).tolist()
     if largest > 0:
-        return largest, max(float(W.max()), 1e-3 * largest * softest)
-    length = max(float((problem.depth - problem.gap_at_rest - W).max()), 1e-300)
+        return largest, max(deepest, 1e-3 * largest * softest)
+    overlap = float((problem.depth - problem.gap_at_rest - W).max())
+    length = max(problem.ranks.maximum(overlap), 1e-300)
     return length / softest, length
+
+
+def _mean(values: FloatArray, ranks: Ranks) -> FloatArray | None:
+    """Return the mean of some points, the last axis; None of none."""
+    *sums, count = ranks.total(np.append(values.sum(axis=-1), values.shape[-1])).tolist()
+    return np.array(sums) / count if count else None
 
 
 class _View:
@@ -379,15 +413,15 @@ class _View:
         W_s: float,
     ) -> None:
         self.p, self.t = x[0, near] / p_s, x[1:, near] / p_s
-        self.on = self.p > 0
-        self.count = max(int(np.count_nonzero(self.on)), 1)
+        self.on, self._ranks = self.p > 0, problem.ranks
+        touching = self._ranks.total(int(np.count_nonzero(self.on)))
+        self.touches, self.count = touching > 0, max(touching, 1)
         self._p_s, self._W_s = p_s, W_s
         self.slip = (problem.slip_at_rest[:, near] + Cx[1:, near]) / W_s
         law = problem.law.at(near)
         self.bound = law.bound(np.maximum(self.p, 0) * p_s) / p_s
-        self.scale = min(float(self.bound.max(initial=0.0)), 1.0) or 1.0
-        self._size = p_s * self.p.size / x[0].size
-        self._points = x[0].size
+        self.scale = min(self._ranks.maximum(float(self.bound.max(initial=0.0))), 1.0) or 1.0
+        self._points = problem.points
 
     @property
     def stuck(self) -> BoolArray:
@@ -397,26 +431,31 @@ class _View:
     def normal(self, carried: FloatArray, depth: float) -> tuple[float, float, float, FloatArray]:
         """Return the depth with its sum of squares and its largest residual, and the gap."""
         gap = (carried - depth) / self._W_s
-        off = np.minimum(self.p, gap)
-        return depth, float((off**2).sum()) / self.count, float(np.abs(off).max(initial=0.0)), gap
+        return depth, *self._size(np.minimum(self.p, gap)), gap
 
     def tangential(self, path: FloatArray) -> tuple[FloatArray, float, float, FloatArray]:
         """Return the path with its sum of squares and its largest residual, and the slip."""
         slip = self.slip - path[:, np.newaxis] / self._W_s
-        off = norms(self.t - in_disks(self.t - slip, self.bound)) / self.scale
-        return path, float((off**2).sum()) / self.count, float(off.max(initial=0.0)), slip
+        return path, *self._size(norms(self.t - in_disks(self.t - slip, self.bound)) / self.scale), slip
+
+    def _size(self, off: FloatArray) -> tuple[float, float]:
+        """Return the sum of squares over the points in contact, and the largest value."""
+        squares, largest = self._ranks.total(float((off**2).sum())), float(np.abs(off).max(initial=0.0))
+        return squares / self.count, self._ranks.maximum(largest)
 
     def balanced(self, force: FloatArray) -> FloatArray:
         """Return the path for which the projected tractions carry the force."""
         y, total = (self.t - self.slip)[:, self.on], force * (self._points / self._p_s)
-        start = self.slip[:, self.on].mean(axis=1)
+        start = _mean(self.slip[:, self.on], self._ranks)
         radii = self.bound[self.on]
+        assert start is not None
         if len(y) == 1:
             return path_on_line(y[0], radii, float(total[0]), float(start[0])) * self._W_s
-        return path_in_plane(y, radii, total, start) * self._W_s
+        return path_in_plane(y, radii, total, start, self._ranks) * self._W_s
 
     def lack(self, force: FloatArray) -> float:
         """Return the part of the tangential force that the tractions do not carry."""
         total = force * (self._points / self._p_s)
-        largest = float(np.minimum(self.bound, np.maximum(self.p, 0.0)).sum())
-        return float(np.linalg.norm(self.t.sum(axis=1) - total)) / max(largest, 1e-300)
+        carried = np.minimum(self.bound, np.maximum(self.p, 0.0)).sum()
+        *sums, largest = self._ranks.total(np.append(self.t.sum(axis=1), carried)).tolist()
+        return math.dist(sums, total) / max(largest, 1e-300)

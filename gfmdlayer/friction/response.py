@@ -17,6 +17,7 @@ the displacements u(x) - u(x + h) relative to the last step have the factor 1 - 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -28,6 +29,7 @@ from numpy.typing import NDArray
 
 from gfmdlayer.arrays import ComplexArray, FloatArray
 from gfmdlayer.grid.grid import Grid, parts
+from gfmdlayer.grid.ranks import ALONE, Ranks
 from gfmdlayer.grid.transforms import Plans, Transforms, backward, forward
 from gfmdlayer.kernels import kernel
 
@@ -44,22 +46,23 @@ class Response:
     coupling: FloatArray  # C_WU
     along: FloatArray  # C_UU
     across: FloatArray  # C_VV; without a meaning on a line
+    ranks: Ranks = ALONE  # the processes that hold the modes
 
     @classmethod
-    def of_stiffness(cls, in_plane: NDArray[Any], across: NDArray[Any]) -> Response:
+    def of_stiffness(cls, in_plane: NDArray[Any], across: NDArray[Any], ranks: Ranks = ALONE) -> Response:
         """Response of a stiffness K over (W, U), shape (*modes, 2, 2), and of that over V."""
         # Where K is zero, at q = 0, the mean displacement is fixed; the mean of W and that of u do not
         # couple.
         normal, coupling, along = in_plane[..., 0, 0], in_plane[..., 0, 1], in_plane[..., 1, 1]
         mean = np.zeros(normal.shape, dtype=bool)
-        mean.flat[0] = True
+        ranks.set_mean_wave(mean.ravel(), 1)
         coupling = np.where(mean, 0.0, coupling)
         with np.errstate(divide="ignore", invalid="ignore"):
             whole = normal * along - coupling**2
             full = along / whole, -coupling / whole, normal / whole, 1 / across
             alone = 1 / normal, np.zeros(normal.shape), 1 / along, 1 / across
         parts = (np.where(mean, one, other) for one, other in zip(alone, full, strict=True))
-        return cls(*(np.where(np.isfinite(part), part, 0.0) for part in parts))
+        return cls(*(np.where(np.isfinite(part), part, 0.0) for part in parts), ranks=ranks)
 
     def beside(self, other: Response) -> Response:
         """Response of gap and slip between this surface and one above it, mirrored, that feels p and -t."""
@@ -69,13 +72,13 @@ class Response:
             self.coupling - other.coupling,
             self.along + other.along,
             self.across + other.across,
+            ranks=self.ranks,
         )
 
     @cached_property
     def digest(self) -> str:
         """Digest of the values."""
-        parts = (self.normal, self.coupling, self.along, self.across)
-        return blake2b(b"".join(part.tobytes() for part in parts)).hexdigest()
+        return _digest((self.normal, self.coupling, self.along, self.across), self.ranks)
 
     def equals(self, other: AnyResponse) -> bool:
         """Whether another response has the same values."""
@@ -83,22 +86,22 @@ class Response:
 
     is_positive = True  # in all waves
 
-    @property
+    @cached_property
     def couples(self) -> bool:
         """Whether shear moves the surface up and down."""
-        return bool(self.coupling.any())
+        return bool(self.ranks.maximum(int(self.coupling.any())))
 
     @cached_property
     def softest(self) -> float:
         """Largest compliance of a wave to pressure."""
-        return float(self.normal.real.max())
+        return self.ranks.maximum(float(self.normal.real.max()))
 
     @cached_property
     def critical_coefficient(self) -> float:
         """Coefficient of friction with which shear moves a wave up and down as much as pressure does."""
         coupled = self.coupling != 0
         normal, coupling = np.abs(self.normal[coupled]), np.abs(self.coupling[coupled])
-        return float(np.min(normal / coupling, initial=np.inf))
+        return self.ranks.minimum(float(np.min(normal / coupling, initial=np.inf)))
 
     def factors(self, grid: Grid) -> tuple[FloatArray, ...]:
         """Factors of the components over the number of points: C_pp, coupling along the axes, C_tt."""
@@ -111,26 +114,29 @@ class Response:
         x, y = (np.ravel(np.broadcast_to(component, q.shape) / length) for component in grid.wavevectors)
         difference = along - across
         xx, yy = across + difference * x**2, across + difference * y**2
-        xx[0] = yy[0] = along[0]
+        for part in (xx, yy):
+            grid.ranks.set_mean_wave(part, along[0])
         return _of_shared_modes(grid, normal, coupling * x, coupling * y, xx, difference * x * y, yy)
 
     def on(self, fine: Transforms, coarse: Transforms) -> Response:
         """Response at the modes of a coarser grid of the same cell."""
         parts = self.normal, self.coupling, self.along, self.across
-        return Response(*(fine.truncated(part, coarse).reshape(coarse.spectral_shape) for part in parts))
+        on = (fine.truncated(part, coarse).reshape(coarse.spectral_shape) for part in parts)
+        return Response(*on, ranks=self.ranks)
 
     def inverse(self, grid: Grid) -> Response:
         """Stiffness without the coupling; a fixed mean has that of the longest wave."""
         stiffness = []
         for part in (self.normal, self.along, self.across):
             positive = part.ravel().copy()
-            if positive[0].real <= 0:
+            if grid.ranks.first and positive[0].real <= 0:  # who holds the longest wave too
                 longest = np.argmin(np.where(grid.wavenumbers.ravel() > 0, grid.wavenumbers.ravel(), np.inf))
                 positive[0] = positive[longest]
             stiffness.append((1 / positive).reshape(part.shape))
-        if len(grid.points) > 1:  # the mean has no direction
+        if len(grid.points) > 1 and grid.ranks.first:  # the mean has no direction
             stiffness[1].flat[0] = 2 / (1 / stiffness[1].flat[0] + 1 / stiffness[2].flat[0])
-        return Response(stiffness[0], np.zeros_like(stiffness[0]), stiffness[1], stiffness[2])
+        normal, along, across = stiffness
+        return Response(normal, np.zeros_like(normal), along, across, ranks=grid.ranks)
 
 
 @dataclass(frozen=True)
@@ -152,16 +158,16 @@ class CroppedResponse:
     @cached_property
     def digest(self) -> str:
         """Digest of the values."""
-        return blake2b(b"".join(part.tobytes() for part in self.parts)).hexdigest()
+        return _digest(self.parts, self.plain.ranks)
 
     def equals(self, other: AnyResponse) -> bool:
         """Whether another response has the same values."""
         return self is other or self.digest == other.digest
 
-    @property
+    @cached_property
     def is_positive(self) -> bool:
         """Whether pressure presses the surface down in all waves, as a solver without friction needs it."""
-        return bool(self.normal.min() > 0)
+        return self.plain.ranks.minimum(float(self.normal.min())) > 0
 
     @property
     def couples(self) -> bool:
@@ -205,7 +211,8 @@ class Rolling(NamedTuple):
         """Rolling by a way, in a contact of so many points along x."""
         q = np.broadcast_to(grid.wavevectors[0], grid.spectral_shape)
         waves = grid.parseval_weights.ravel() * of.factors(grid)[1 + len(grid.points)].real
-        point, change = float(waves.sum()), float((waves * (1 - np.cos(q * way)).ravel()).sum())
+        sums = np.array([waves.sum(), (waves * (1 - np.cos(q * way)).ravel()).sum()])
+        point, change = grid.ranks.total(sums).tolist()
         return cls(way, abs(way) * point / change, max(1 - _LEFT_OUT / points, 0.0))
 
     def rows(self, q: FloatArray) -> ComplexArray:
@@ -271,7 +278,7 @@ class RollingResponse:
 
     def on(self, fine: Transforms, coarse: Transforms) -> RollingResponse:
         """Response at the modes of a coarser grid of the same cell."""
-        rolling = self.rolling.on(coarse.shape[0] / fine.shape[0])
+        rolling = self.rolling.on(coarse.points[0] / fine.points[0])
         return RollingResponse(self.of.on(fine, coarse), rolling)
 
     def inverse(self, grid: Grid) -> RollingResponse:
@@ -284,13 +291,20 @@ AnyResponse = Response | CroppedResponse | RollingResponse
 _LEFT_OUT = 6.0  # of 1 - 6/n: 1 takes three times the iterations of 4 to 8
 
 
+def _digest(parts: Sequence[NDArray[Any]], ranks: Ranks) -> str:
+    """Digest of values, the same one on all ranks."""
+    every = ranks.all_of(blake2b(b"".join(part.tobytes() for part in parts)).hexdigest())
+    return every[0] if len(every) == 1 else blake2b("".join(every).encode()).hexdigest()
+
+
 def _of_shared_modes(grid: Grid, *parts: NDArray[Any]) -> tuple[NDArray[Any], ...]:
     """Return factors, with the mean of +q and -q in modes that both share at the end of an axis."""
     # With the conjugate at -q_x, even ones are real and odd ones imaginary; along y odd ones vanish.
     axes, made = len(grid.points), [*parts]
     for axis in (axis for axis in range(axes) if grid.points[axis] % 2 == 0):
-        shared = np.zeros(grid.spectral_shape, dtype=bool)
-        shared[(slice(None),) * axis + (grid.points[axis] // 2,)] = True
+        largest = np.arange(grid.spectral_shape[axis]) + (grid.columns.start if axis == axes - 1 else 0)
+        along = np.expand_dims(largest == grid.points[axis] // 2, tuple({*range(axes)} - {axis}))
+        shared = np.broadcast_to(along, grid.spectral_shape)
         for number, part in enumerate(parts):
             is_odd, is_complex = number in {1 + axis, 4}, np.iscomplexobj(part) and axis == 0
             if is_odd or is_complex:
@@ -310,9 +324,10 @@ class SharedTransforms:
     """Transforms of a grid and of windows in it, with their fields, which all operators on it share."""
 
     def __init__(self, transforms: Transforms, spent: Spent, share: float) -> None:
-        self.shape = transforms.shape
+        self.shape = transforms.points
         self._transforms, self.spent, self._share = transforms, spent, share
-        self._parts = parts(self.shape)
+        # Several ranks transform the whole surface, the rows of which they hold.
+        self._parts = parts(self.shape) if transforms.ranks.count == 1 else ()
         self._made: dict[tuple[int, bool], CountedFields] = {}
         self._last: tuple[Any, tuple[int, NDArray[Any]]] = None, (1, np.zeros(0, int))  # see `window`
 
@@ -333,7 +348,7 @@ class SharedTransforms:
     def window(self, points: NDArray[Any]) -> tuple[int, NDArray[Any]]:
         """Return the part of the smallest window twice as wide as some points, and where they are in it."""
         if points is not self._last[0]:  # two responses are asked for at the same points in turn
-            self._last = points, self._window(points)
+            self._last = points, self._window(points) if self._parts else (1, points)
         return self._last[1]
 
     def _window(self, points: NDArray[Any]) -> tuple[int, NDArray[Any]]:
@@ -413,7 +428,7 @@ class Operator:
         self, grid: Grid, response: AnyResponse, work: SharedTransforms, counted: Collection[int] = ()
     ) -> None:
         # `counted` are parts of windows whose kernels a resumed run has made, and counted, before.
-        self.size, self.axes = grid.size, len(grid.points)
+        self.size, self.axes, self.ranks = math.prod(grid.shape), len(grid.points), grid.ranks
         self._response, self.work, self._counted = response, work, counted
         self.rolls = isinstance(response, RollingResponse)
         self._double: tuple[NDArray[Any], ...] = response.factors(grid)
@@ -422,10 +437,8 @@ class Operator:
         weights = np.ravel(grid.parseval_weights) * grid.size
         along = self._double[1 + self.axes + self.rolls]
         # displacement of a point under a load on it alone
-        self.point = (
-            float(weights @ np.ravel(response.normal.real)),
-            float(weights @ along.real) * grid.size,
-        )
+        of_waves = np.array([weights @ np.ravel(response.normal.real), weights @ along.real * grid.size])
+        self.point: tuple[float, float] = tuple(grid.ranks.total(of_waves).tolist())
 
     def __call__(self, x: NDArray[Any], *, single: bool = False) -> FloatArray:
         """Return the response to fields, as new fields in double precision."""
@@ -433,7 +446,8 @@ class Operator:
         for field, values in zip(work.points, x, strict=False):
             field[:] = values
         factors = self._single[1] if single else self._double
-        return np.array(work.respond(factors, [bool(values.any()) for values in x]), dtype=np.float64)
+        live = self.ranks.maximum(np.array([values.any() for values in x], dtype=np.int64))
+        return np.array(work.respond(factors, live.astype(bool).tolist()), dtype=np.float64)
 
     def among(self, points: NDArray[Any]) -> Callable[[NDArray[Any]], NDArray[Any]]:
         """Return the response at points to fields at the same points, in single precision."""

@@ -74,8 +74,9 @@ class FrictionSolver:
     ) -> None:
         # `rough`: the punch is rough, for the choice of the solver without friction. `attracts`: problems may
         # have an interface that attracts.
-        self._spent, self._transforms = Spent(), transforms
-        self._choice = choose(AUTO, axes=len(grid.points), rough=rough, attracts=attracts)
+        self._spent, self._transforms, self._ranks = Spent(), transforms, grid.ranks
+        shared = rough or grid.ranks.count > 1  # the solver of smooth punches is one of a single process
+        self._choice = choose(AUTO, axes=len(grid.points), rough=shared, attracts=attracts)
         self._mark = ""  # digest of the last response before the run was resumed
         self._levels = [FrictionLevel(grid, transforms, self._spent, 1.0)]
         while (coarser := self._levels[-1].coarser()) is not None:
@@ -95,7 +96,7 @@ class FrictionSolver:
         self._spent.pairs = 0.0
         if not problem.is_finite:
             raise ValueError("heights, loads or displacements of the frictional contact are not finite")
-        if start is not None and not np.isfinite(start).all():
+        if start is not None and self._any(~np.isfinite(start)):
             start = None
         if reason := problem.why_not_solvable():
             raise ValueError(reason)
@@ -105,7 +106,7 @@ class FrictionSolver:
         self._mark = ""
         if problem.way is not None:
             return self._rolled(problem, problem.way, tolerance, limit)
-        if problem.law.is_frictionless and problem.response.is_positive:
+        if problem.is_frictionless and problem.response.is_positive:
             return self._smooth(
                 problem, *self._pressed(problem, None, start, gap, tolerance, limit), tolerance
             )
@@ -113,7 +114,7 @@ class FrictionSolver:
             if not problem.response.is_positive:
                 raise ValueError(NOT_POSITIVE)
             return self._attracted(problem, start, gap, tolerance, limit)
-        if problem.law.is_frictionless:  # no force acts on the punch, and its path is none
+        if problem.is_frictionless:  # no force acts on the punch, and its path is none
             problem = replace(problem, force=None)
         at, steps = self._under_a_wall(problem, start, tolerance, limit)
         return _solution(problem, at, steps, self._spent.pairs, tolerance)
@@ -129,15 +130,14 @@ class FrictionSolver:
         grid, of = self._levels[0].grid, problem.response
         assert not isinstance(of, RollingResponse)
         plain = of.plain if isinstance(of, CroppedResponse) else of
-        still = Response(
-            *(np.abs(part) for part in (plain.normal, plain.coupling, plain.along, plain.across))
-        )
+        parts = (np.abs(part) for part in (plain.normal, plain.coupling, plain.along, plain.across))
+        still = Response(*parts, ranks=plain.ranks)
         smooth = replace(problem, response=still, law=ShearBound(0.0), force=None)
         _, pressed = self._pressed(smooth, None, None, None, _COARSE_TOLERANCE, limit)
         start = np.zeros((1 + len(grid.points), problem.heights.size))
         start[0] = pressed.pressure
-        touching = (start[0] > 0).reshape(grid.points)
-        along = int(np.count_nonzero(touching.any(axis=tuple(range(1, touching.ndim)))))
+        touching = (start[0] > 0).reshape(grid.shape)
+        along = self._ranks.total(int(np.count_nonzero(touching.any(axis=tuple(range(1, touching.ndim))))))
         rolling = Rolling.over(way, of, grid, along)
         unit = rolling.length / abs(way)
         scaled = replace(
@@ -151,7 +151,7 @@ class FrictionSolver:
         while deepest + 1 < len(self._levels) and along >> deepest + 1 >= _FEWEST_ROLLING:
             deepest += 1
         at, steps = self._solve(scaled, start, 0, deepest, tolerance, limit)
-        if not at.residual < tolerance and not (problem.law.sticks or problem.law.is_frictionless):
+        if not at.residual < tolerance and not (problem.law.sticks or problem.is_frictionless):
             at, steps = self._gradually(scaled, at, tolerance, limit)
         found = _solution(scaled, at, steps, self._spent.pairs, tolerance)
         return replace(found, slip=found.slip / unit, path=found.path / unit)
@@ -172,7 +172,7 @@ class FrictionSolver:
             at, steps = self._solve(problem, start, 0, deepest, tolerance, limit)
         if start is None or not at.residual < tolerance:
             at, steps = self._solve(problem, None, 0, last, tolerance, limit)
-        gradual = not (problem.law.sticks or problem.law.is_frictionless)
+        gradual = not (problem.law.sticks or problem.is_frictionless)
         if not at.residual < tolerance and gradual:
             at, steps = self._gradually(problem, at, tolerance, limit)
         return at, steps
@@ -231,8 +231,8 @@ class FrictionSolver:
         compliance, h = np.ravel(problem.response.normal), problem.gap_at_rest
         stiffness = np.divide(1, compliance, out=np.zeros(compliance.size), where=compliance > 0)
         if problem.load is not None:
-            stiffness[0] = 0.0  # the mean displacement is part of the depth
-        if shear is not None and problem.response.couples and shear.any():
+            self._ranks.set_mean_wave(stiffness, 0.0)  # the mean displacement is part of the depth
+        if shear is not None and problem.response.couples and self._any(shear):
             lifted = np.vstack((np.zeros((1, h.size)), shear))
             h = h + self._levels[0].newton(problem.response).displacements(lifted)[0]
         normal_problem = frictionless.Problem(
@@ -240,8 +240,10 @@ class FrictionSolver:
             np.zeros(stiffness.size, dtype=np.complex128),
             h - (problem.depth if problem.load is None else 0.0),
             problem.load,
-            height=float(np.ptp(problem.heights)),
+            height=self._ranks.maximum(float(problem.heights.max()))
+            - self._ranks.minimum(float(problem.heights.min())),
             interface=problem.interface,
+            ranks=self._ranks,
         )
         if SOLVERS[self._choice.method].starts_from == "gap":
             guess = np.full(h.size, np.inf) if gap is None else gap.copy()
@@ -261,8 +263,8 @@ class FrictionSolver:
         """Return a contact without shear; the displacement of a punch on which no force acts is none."""
         p, depth, attraction = normal.pressure, problem.depth, None
         if problem.load is not None:
-            compliance = float(np.ravel(problem.response.normal)[0])
-            depth = float(normal.displacement.mean()) + compliance * problem.load
+            compliance = float(self._ranks.mean_wave(np.ravel(problem.response.normal)))
+            depth = self._ranks.mean(normal.displacement) + compliance * problem.load
         if problem.interface.attracts:
             attraction = problem.interface.traction(normal.gap)
             p = _of_the_wall(p, attraction, normal.gap)
@@ -305,7 +307,7 @@ class FrictionSolver:
         axes, law = problem.response.normal.ndim, problem.interface
         shear = np.zeros((axes, problem.heights.size)) if start is None else start[1:]
         released, steps, off = 0.0, 0, 1.0 if problem.response.couples else 0.0
-        mixing = Mixing(MIXED)
+        mixing = Mixing(MIXED, ranks=self._ranks)
         least = max(_FINER * tolerance, min(tolerance, _LEAST_TOLERANCE))
         best, stalled = math.inf, 0
         for turn in range(_ROUNDS):
@@ -314,10 +316,11 @@ class FrictionSolver:
             released, steps, gap = released + normal.released_energy, steps + normal.iterations, normal.gap
             attraction = law.traction(gap)
             p = _of_the_wall(normal.pressure, attraction, gap)
-            if normal.converged and not p.any() and (shear.any() or normal.residual > tolerance):
-                shear, mixing, off = np.zeros_like(shear), Mixing(MIXED), 0.0
+            touches = self._any(p)
+            if normal.converged and not touches and (self._any(shear) or normal.residual > tolerance):
+                shear, mixing, off = np.zeros_like(shear), Mixing(MIXED, ranks=self._ranks), 0.0
                 continue
-            if not normal.converged or not p.any():
+            if not normal.converged or not touches:
                 apart = self._smooth(problem, normal_problem, normal, tolerance)
                 return replace(apart, released_energy=released, iterations=steps)
             under = self._pulled(problem, attraction)
@@ -328,8 +331,9 @@ class FrictionSolver:
             at, more = self._under_a_wall(under, guess, enough, limit, near=turn > 0)
             steps += more
             solution = _solution(under, at, steps, self._spent.pairs, enough)
-            change = np.abs(law.traction(np.maximum(solution.gap, 0.0)) - attraction).max()
-            off = float(change) / max(float(p.max()), float(attraction.max()))
+            change = np.abs(law.traction(np.maximum(solution.gap, 0.0)) - attraction)
+            most, *units = self._largest(change, p, attraction)
+            off = most / max(units)
             solution = replace(
                 solution,
                 gap=np.where(solution.contact, 0.0, np.maximum(solution.gap, 0.0)),
@@ -360,7 +364,7 @@ class FrictionSolver:
         pulled = newton.displacements(np.vstack((-attraction[np.newaxis], shear)))
         return replace(
             problem,
-            load=None if problem.load is None else problem.load + float(attraction.mean()),
+            load=None if problem.load is None else problem.load + self._ranks.mean(attraction),
             offset=pulled if problem.offset is None else problem.offset + pulled,
             interface=HARD_WALL,
         )
@@ -372,11 +376,12 @@ class FrictionSolver:
         from scipy.optimize import NoConvergence, newton_krylov
 
         assert begun.attraction is not None
-        unit = max(float(begun.pressure.max()), float(begun.attraction.max()))
-        found, steps = begun, 0
+        unit = max(self._largest(begun.pressure, begun.attraction))
+        found, steps, grid = begun, 0, self._levels[0].grid
 
-        def off(attraction: FloatArray) -> FloatArray:
+        def off(everywhere: FloatArray) -> FloatArray:
             nonlocal found, steps
+            attraction = everywhere[grid.rows].ravel()
             under = self._pulled(problem, unit * attraction)
             if reason := under.why_not_solvable():
                 raise ValueError(reason)
@@ -387,15 +392,15 @@ class FrictionSolver:
             found = replace(
                 solution,
                 gap=solution.closed_gap,
-                residual=max(solution.residual, float(np.abs(change).max())),
+                residual=max(solution.residual, *self._largest(np.abs(change))),
                 attraction=unit * attraction,
             )
-            return np.asarray(change)
+            return grid.everywhere(change)  # all processes know all unknowns, and take the same steps
 
         try:
             attraction = newton_krylov(
                 off,
-                begun.attraction / unit,
+                grid.everywhere(begun.attraction / unit),
                 method="gmres",
                 inner_maxiter=INNER,
                 maxiter=_NEWTON,
@@ -417,6 +422,15 @@ class FrictionSolver:
             "grid.points, or a wider attraction"
         )
         return replace(found, converged=False, reason=reason, pairs=self._spent.pairs)
+
+    def _any(self, field: NDArray[Any]) -> bool:
+        """Whether a value of all processes is not zero, or true."""
+        return bool(self._ranks.maximum(int(field.any())))
+
+    def _largest(self, *fields: FloatArray) -> list[float]:
+        """Return the largest value of each of some fields."""
+        most: list[float] = self._ranks.maximum(np.array([field.max() for field in fields])).tolist()
+        return most
 
     def _gradually(
         self, problem: FrictionProblem, failed: FrictionState, tolerance: float, limit: int
@@ -460,25 +474,25 @@ class FrictionSolver:
         newton = level.newton(problem.response)
         coarse = None if number == deepest else self._below(problem, number)
         if coarse is None:
-            guess = _rough_guess(problem) if start is None else start
+            guess = _rough_guess(problem, level.grid) if start is None else start
         else:
-            shapes = level.grid.points, self._levels[number + 1].grid.points
+            grids = level.grid, self._levels[number + 1].grid
             below, _ = self._solve(
                 coarse,
-                None if start is None else _halved(start, *shapes),
+                None if start is None else _halved(start, *grids),
                 number + 1,
                 deepest,
                 _COARSE_TOLERANCE,
                 limit,
             )
-            guess = _finer(below.x, *shapes[::-1])
+            guess = _finer(below.x, *grids[::-1])
         return newton.solve(problem, guess, tolerance, limit)
 
     def _below(self, problem: FrictionProblem, number: int) -> FrictionProblem | None:
         """Return the problem on the next coarser grid; None where no point of it touches."""
         coarse = _coarser(problem, self._levels[number], self._levels[number + 1])
         apart = coarse.load is None and not coarse.interface.attracts
-        apart = apart and coarse.depth <= coarse.gap_at_rest.min()
+        apart = apart and coarse.depth <= coarse.lowest
         return None if apart else coarse
 
 
@@ -523,9 +537,8 @@ class FrictionLevel:
     def coarser(self) -> FrictionLevel | None:
         """Return the level with half of the points of each long axis."""
         points = tuple(n // 2 if n > _COARSEST and n % 2 == 0 else n for n in self.grid.points)
-        if points == self.grid.points:
+        if points == self.grid.points or (grid := self.grid.of_points(points)) is None:
             return None
-        grid = replace(self.grid, points=points)
         share = self._share * grid.size / self.grid.size
         return FrictionLevel(grid, self.transforms.of_shape(points), self._spent, share)
 
@@ -547,16 +560,16 @@ def _levels_of(start: FloatArray, grid: Grid) -> int:
     return levels
 
 
-def _rough_guess(problem: FrictionProblem) -> FloatArray:
+def _rough_guess(problem: FrictionProblem, grid: Grid) -> FloatArray:
     """Return a pressure in proportion to the overlap with the lowest third, and shear in proportion to it."""
-    h = problem.gap_at_rest
-    p = np.maximum(np.quantile(h, 0.3) - h, 0.0) + 1e-12 * (np.ptp(h) + 1e-300)
+    h, every = problem.gap_at_rest, grid.everywhere(problem.gap_at_rest)
+    p = np.maximum(np.quantile(every, 0.3) - h, 0.0) + 1e-12 * (np.ptp(every) + 1e-300)
     axes = problem.response.normal.ndim
     softest = problem.response.softest
     mean = problem.load
     if mean is None:
-        mean = 1e-3 * max(problem.depth - h.min(), 0) / softest
-    p *= mean / p.mean()
+        mean = 1e-3 * max(problem.depth - problem.lowest, 0) / softest
+    p *= mean / problem.ranks.mean(p)
     x = np.zeros((1 + axes, h.size))
     x[0] = p
     if problem.force is not None and problem.load:
@@ -564,36 +577,53 @@ def _rough_guess(problem: FrictionProblem) -> FloatArray:
     return x
 
 
-def _halved(field: FloatArray, fine: tuple[int, ...], coarse: tuple[int, ...]) -> FloatArray:
+def _halved(field: FloatArray, fine: Grid, coarse: Grid) -> FloatArray:
     """Return a field on a coarser grid, with weights 1/4, 1/2, 1/4 along each axis that is halved."""
-    result = field.reshape(*field.shape[:-1], *fine)
-    first = result.ndim - len(fine)
-    for axis, (many, few) in enumerate(zip(fine, coarse, strict=True), first):
-        if many != few:
-            result = 0.5 * result + 0.25 * (np.roll(result, 1, axis) + np.roll(result, -1, axis))
-            result = np.take(result, np.arange(0, many, 2), axis)
+    result = field.reshape(-1, *fine.shape)
+    for axis in _different(fine, coarse):
+        first, count = _held(coarse, axis)
+        lines = _lines(result, axis, fine, 2 * first - 1, 2 * count + 1)
+        lines = 0.5 * lines[1::2] + 0.25 * (lines[:-1:2] + lines[2::2])
+        result = np.moveaxis(lines, 0, 1 + axis)
     return np.ascontiguousarray(result).reshape(*field.shape[:-1], -1)
 
 
-def _finer(field: FloatArray, coarse: tuple[int, ...], fine: tuple[int, ...]) -> FloatArray:
+def _finer(field: FloatArray, coarse: Grid, fine: Grid) -> FloatArray:
     """Return a field on a finer grid, interpolated linearly along each axis that is doubled."""
-    result = field.reshape(*field.shape[:-1], *coarse)
-    first = result.ndim - len(coarse)
-    for axis, (few, many) in enumerate(zip(coarse, fine, strict=True), first):
-        if many != few:
-            doubled = np.repeat(result, 2, axis)
-            between: list[Any] = [slice(None)] * result.ndim
-            between[axis] = slice(1, None, 2)
-            doubled[tuple(between)] = 0.5 * (result + np.roll(result, -1, axis))
-            result = doubled
-    return result.reshape(*field.shape[:-1], -1)
+    result = field.reshape(-1, *coarse.shape)
+    for axis in _different(fine, coarse):
+        first, count = _held(fine, axis)
+        there = first // 2
+        lines = _lines(result, axis, coarse, there, (first + count - 1) // 2 - there + 2)
+        doubled = np.repeat(lines[:-1], 2, axis=0)
+        doubled[1::2] = 0.5 * (lines[:-1] + lines[1:])
+        result = np.moveaxis(doubled[first - 2 * there :][:count], 0, 1 + axis)
+    return np.ascontiguousarray(result).reshape(*field.shape[:-1], -1)
+
+
+def _different(one: Grid, other: Grid) -> list[int]:
+    """Return the axes of which two grids have different numbers of points."""
+    every = zip(one.points, other.points, strict=True)
+    return [axis for axis, (points, others) in enumerate(every) if points != others]
+
+
+def _held(grid: Grid, axis: int) -> tuple[int, int]:
+    """Return the first point along an axis that this process holds, and the number of them."""
+    return (grid.first_row, grid.shape[0]) if axis == 0 else (0, grid.points[axis])
+
+
+def _lines(fields: FloatArray, axis: int, grid: Grid, first: int, count: int) -> FloatArray:
+    """Return so many rows or columns of periodic fields from one on, (count, fields, points)."""
+    if axis == 0:
+        return np.stack([grid.rows_from(each, first, count) for each in fields], axis=1)
+    return np.moveaxis(fields[..., np.arange(first, first + count) % grid.points[axis]], 1 + axis, 0)
 
 
 def _coarser(problem: FrictionProblem, fine: FrictionLevel, coarse: FrictionLevel) -> FrictionProblem:
     """Return the problem on a coarser grid."""
 
     def on(field: NDArray[Any] | None) -> FloatArray | None:
-        return None if field is None else _halved(field, fine.grid.points, coarse.grid.points)
+        return None if field is None else _halved(field, fine.grid, coarse.grid)
 
     law = problem.law
     if np.ndim(law.coefficient):

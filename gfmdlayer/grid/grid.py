@@ -150,10 +150,22 @@ class Grid:
             return rows[held - before :], rows[:after]
         return rows[np.arange(-before, 0) % held], rows[np.arange(after) % held]
 
+    def rows_from(self, field: NDArray[Any], first: int, count: int) -> NDArray[Any]:
+        """Return so many rows of the periodic surface from one on, of those held; all processes together."""
+        return field[np.arange(first, first + count) % self.points[0]]
+
+    def everywhere(self, field: NDArray[Any]) -> NDArray[Any]:
+        """Return all points of a field, one value a point, on every process, in the shape of the grid."""
+        return field.reshape(self.points)
+
+    def of_points(self, points: tuple[int, ...]) -> Grid | None:
+        """Return the grid of the same cell with other points; None where the processes cannot hold it."""
+        return replace(self, points=points)
+
     def coarser(self, fewest: int) -> Grid | None:
         """Return the grid with half of the points of each axis that has twice the fewest; else None."""
         points = tuple(n // 2 if n >= 2 * fewest else n for n in self.points)
-        return None if points == self.points else replace(self, points=points)
+        return None if points == self.points else self.of_points(points)
 
     @property
     def nested(self) -> list[Grid]:

@@ -19,7 +19,7 @@ import math
 import os
 import sys
 import traceback
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -244,9 +244,27 @@ class SlabGrid(Grid):
 
     def halo(self, rows: NDArray[Any], before: int, after: int) -> tuple[NDArray[Any], NDArray[Any]]:
         """Return the rows beside those that this rank holds, see `Grid.halo`."""
-        receive, send = self._neighbours(before, after)
-        communicator, requests = self.ranks.communicator, []
-        beside = np.empty((before + after, *rows.shape[1:]), rows.dtype)
+        if (before, after) not in self._halos:
+            bounds = pairwise(edges(self.points[0], self.ranks.count))
+            wanted = [np.r_[first - before : first, end : end + after] for first, end in bounds]
+            self._halos[before, after] = self._places(wanted)
+        beside = self._exchanged(rows, before + after, *self._halos[before, after])
+        return beside[:before], beside[before:]
+
+    def rows_from(self, field: NDArray[Any], first: int, count: int) -> NDArray[Any]:
+        """Return rows of the periodic surface, see `Grid.rows_from`."""
+        every = self.ranks.every(np.array([first, count])).tolist()
+        wanted = [np.arange(begin, begin + number) for begin, number in every]
+        return self._exchanged(field, count, *self._places(wanted))
+
+    def everywhere(self, field: NDArray[Any]) -> NDArray[Any]:
+        """Return all points of a field, see `Grid.everywhere`."""
+        return np.concatenate(self.ranks.all_of(field.reshape(self.shape)))
+
+    def _exchanged(self, rows: NDArray[Any], count: int, receive: Places, send: Places) -> NDArray[Any]:
+        """Return so many rows, each rank's in their places, for those of this rank that others want."""
+        communicator = self.ranks.communicator
+        found = np.empty((count, *rows.shape[1:]), rows.dtype)
         parts = {
             rank: np.empty((places.size, *rows.shape[1:]), rows.dtype) for rank, places in receive.items()
         }
@@ -255,8 +273,8 @@ class SlabGrid(Grid):
         for request in requests:
             wait(request)
         for rank, places in receive.items():
-            beside[places] = parts[rank]
-        return beside[:before], beside[before:]
+            found[places] = parts[rank]
+        return found
 
     def every_mode(self, values: NDArray[Any]) -> NDArray[Any]:
         """Return the values of all modes, from those of the modes that this rank holds, one a mode."""
@@ -312,25 +330,19 @@ class SlabGrid(Grid):
             self._functions[key] = callable_by_address(self.ranks, called)
         return address(self._functions[key])
 
-    def _neighbours(self, before: int, after: int) -> tuple[Places, Places]:
-        """Places in the halo of the rows from each rank, and among the own rows of those for each rank."""
-        if (before, after) not in self._halos:
-            bounds = np.array(edges(self.points[0], self.ranks.count))
-            wanted = [
-                np.concatenate((np.arange(first - before, first), np.arange(end, end + after))) % bounds[-1]
-                for first, end in pairwise(bounds.tolist())
-            ]
-            owners = np.searchsorted(bounds, wanted[self.ranks.number], side="right") - 1
-            receive = {rank: np.flatnonzero(owners == rank) for rank in np.unique(owners).tolist()}
-            own = [each[(each >= self.rows.start) & (each < self.rows.stop)] for each in wanted]
-            send = {rank: each - self.rows.start for rank, each in enumerate(own) if each.size}
-            self._halos[before, after] = receive, send
-        return self._halos[before, after]
+    def _places(self, wanted: Sequence[IntArray]) -> tuple[Places, Places]:
+        """Places of the rows from each rank among those this one wants, and among its own those for each."""
+        bounds = np.array(edges(self.points[0], self.ranks.count))
+        rows = [each % bounds[-1] for each in wanted]
+        owners = np.searchsorted(bounds, rows[self.ranks.number], side="right") - 1
+        receive = {rank: np.flatnonzero(owners == rank) for rank in np.unique(owners).tolist()}
+        own = [each[(each >= self.rows.start) & (each < self.rows.stop)] for each in rows]
+        send = {rank: each - self.rows.start for rank, each in enumerate(own) if each.size}
+        return receive, send
 
-    def coarser(self, fewest: int) -> Grid | None:
-        """Return a coarser grid over the same ranks, see `Grid.coarser`; None where it has too few rows."""
-        points = tuple(n // 2 if n >= 2 * fewest else n for n in self.points)
-        return None if refused(points, self.ranks.count) else super().coarser(fewest)
+    def of_points(self, points: tuple[int, ...]) -> Grid | None:
+        """Return the grid with other points over the same ranks; None where it has too few rows."""
+        return None if refused(points, self.ranks.count) else super().of_points(points)
 
     def _part(self, number: int) -> slice:
         return slice(*edges(number, self.ranks.count)[self.ranks.number : self.ranks.number + 2])
@@ -390,7 +402,7 @@ class SlabTransforms(Transforms):
             callable_by_address(grid.ranks, lambda _, *places, each=each: each(*places))
             for each in (self._forward, self._backward)
         ]
-        self.shape, self.spectral_shape = grid.shape, grid.spectral_shape
+        self.points, self.shape, self.spectral_shape = grid.points, grid.shape, grid.spectral_shape
         self.threads, self.single = threads, single
         self._rows = row_plans(self.shape, threads, single)
         self._columns = Columns(self.spectral_shape, threads, single)

@@ -263,6 +263,7 @@ class Transforms:
         # Transforms of `fftw.WORTH_THREADS` points or more use the threads, of which OpenMP starts no more
         # than OMP_NUM_THREADS allowed when the process began.
         self.shape, self.threads, self.single = shape, threads, single
+        self.points = shape  # along each axis, of all processes
         self.size, self.spectral_shape = math.prod(shape), (*shape[:-1], shape[-1] // 2 + 1)
         self.by_blocks = len(shape) == 2 and self.size > BY_BLOCKS
         if self.by_blocks:

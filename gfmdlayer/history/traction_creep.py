@@ -52,7 +52,7 @@ class TractionCreep(Saving):
     ) -> None:
         # `velocity` of the contact along x at the end of the run serves `slowest`.
         self._passage = grid.period[0] / abs(velocity) if velocity else 0.0
-        self._of, self._scheme, self.step = response, scheme, math.nan
+        self._of, self._scheme, self.step, self.ranks = response, scheme, math.nan, grid.ranks
         self._shape = 1 + len(grid.points), math.prod(grid.spectral_shape)
         self.past = np.zeros(self._shape, dtype=np.complex128).ravel()  # tractions at the beginning of a step
         self._shift = np.zeros(self._shape, dtype=np.complex128)  # displacements then
@@ -106,7 +106,8 @@ class TractionCreep(Saving):
 
     def slowest(self, tolerance: float) -> float:
         """Return the longest time on the way to the steady state: of a passage of the cell, or of creep."""
-        size = np.abs(self._parts[:, 1:]).max(axis=(0, 2)) / np.abs(self._parts).max()
+        size = self.ranks.maximum(np.abs(self._parts).max(axis=(0, 2)))
+        size = size[1:] / size.max()
         return max(self._passage, float(self._of.times[size > tolerance].max(initial=0.0)))
 
     def settled(self, step: float, way: float) -> CroppedResponse:
@@ -202,7 +203,8 @@ class TractionCreep(Saving):
 
     def _product(self, k: int, x: ComplexArray, y: ComplexArray) -> float:
         """Return the mean of x c_k y over the surface."""
-        return float(self.weights @ (self._moved(self._parts[:, k], x).ravel() * y.ravel().conj()).real)
+        of_waves = (self._moved(self._parts[:, k], x).ravel() * y.ravel().conj()).real
+        return self.ranks.total(float(self.weights @ of_waves))
 
     def _moved(self, parts: FloatArray, x: ComplexArray) -> ComplexArray:
         """Return the displacements under tractions, by the parts of a response, (components, modes)."""

@@ -53,7 +53,7 @@ class TractionInterior(BodyInterior):
     @property
     def kept(self) -> int:
         """Number of fields in which a snapshot keeps strains or forces."""
-        others = 2 * self.rows * int(np.count_nonzero(self._waves.share < 1))
+        others = 2 * self.rows * self.grid.ranks.total(int(np.count_nonzero(self._waves.share < 1)))
         return self.rows + math.ceil(others / self.grid.size)
 
     @property
@@ -91,11 +91,15 @@ class TractionInterior(BodyInterior):
 
     def _kept(self, values: ComplexArray) -> FloatArray:
         """Return the fields of the springs, and below them the values of the waves that share a mode."""
-        # A field has one number for a mode. The others follow one by one, in as many fields as they fill.
-        modes = super()._kept(values[:, : self.grid.wavenumbers.size])
-        others = values[:, self._waves.share < 1].ravel().view(float)
-        others = np.append(others, np.zeros(-others.size % self.grid.size))
-        return np.concatenate((modes, others.reshape(-1, *self.grid.shape)))
+        # A field has one number for a mode. The others follow one by one, in as many fields as they fill, and
+        # in the order of one process.
+        grid, shared = self.grid, self._waves.share < 1
+        modes = super()._kept(values[:, : grid.wavenumbers.size])
+        order = np.concatenate(grid.ranks.all_of(self._waves.order[shared]))
+        every = np.concatenate(grid.ranks.all_of(values[:, shared]), axis=1)
+        others = np.ascontiguousarray(every[:, np.argsort(order)]).ravel().view(float)
+        others = np.append(others, np.zeros(-others.size % grid.size))
+        return np.concatenate((modes, others.reshape(-1, *grid.points)[:, grid.rows]))
 
     def _recalled(self, fields: FloatArray) -> ComplexArray:
         """Return the values of the springs on all waves."""

@@ -34,6 +34,7 @@ from gfmdlayer.arrays import ComplexArray, FloatArray
 from gfmdlayer.body.relaxation import TractionSpectrum, VectorSpectrum
 from gfmdlayer.friction.response import Response
 from gfmdlayer.grid.grid import Grid
+from gfmdlayer.grid.ranks import ALONE, Ranks
 from gfmdlayer.history.modes import RELEVANT, Factors, Scheme, exponential
 from gfmdlayer.kernels import kernel
 from gfmdlayer.resumable import CompositeState, Saving
@@ -42,14 +43,21 @@ _NYQUIST = 1 - 1e-9  # part of the largest wavenumber of an axis, for rounding
 
 
 class VectorModes(Saving):
-    """Relaxing modes of n components at waves; `weights` of these in a mean over the surface."""
+    """Relaxing modes of n components at waves; `weights` of these in a mean over the surface.
+
+    Energies and times are those of the waves of all `ranks`.
+    """
 
     KEPT = ("x", "stretch", "stored", "dissipated")
 
     def __init__(
-        self, spectrum: VectorSpectrum, scheme: Scheme = exponential, weights: FloatArray | None = None
+        self,
+        spectrum: VectorSpectrum,
+        scheme: Scheme = exponential,
+        weights: FloatArray | None = None,
+        ranks: Ranks = ALONE,
     ) -> None:
-        self.spectrum, self._scheme = spectrum, scheme
+        self.spectrum, self._scheme, self._ranks = spectrum, scheme, ranks
         count, components = spectrum.relaxed.shape[:2]
         self._weights = np.ones(count) if weights is None else weights
         self.step = math.nan
@@ -63,7 +71,7 @@ class VectorModes(Saving):
         """Shortest relevant relaxation time; infinite for an elastic body."""
         glassy = np.trace(self.spectrum.glassy, axis1=-2, axis2=-1).real
         relevant = (np.abs(self.spectrum.vectors) ** 2).sum(axis=-1) > RELEVANT * glassy
-        return float(self.spectrum.times[relevant].min(initial=math.inf))
+        return self._ranks.minimum(float(self.spectrum.times[relevant].min(initial=math.inf)))
 
     def terms(self, step: float) -> tuple[NDArray[Any], ComplexArray]:
         """Return kappa, (nq, n, n), and b, (nq, n), at the end of a step."""
@@ -93,7 +101,7 @@ class VectorModes(Saving):
         longest = self.spectrum.times[relevant].max(initial=0.0)
         some = np.linalg.det(relaxed).real > 0
         contrast = np.linalg.eigvals(np.linalg.solve(relaxed[some], glassy[some])).real.max(initial=1.0)
-        return float(contrast * longest)
+        return math.prod(self._ranks.maximum(np.array([contrast, longest])).tolist())
 
     def curvature_stress(self, curvature: ComplexArray) -> ComplexArray:
         """Return the part of the traction at the end of the step that is due to dt^2 x''/2."""
@@ -107,8 +115,9 @@ class VectorModes(Saving):
         )
         self.x, self._phases = x.copy(), np.ones_like(self._phases)
         elastic = np.einsum("qa,qab,qb->q", x.conj(), self.spectrum.relaxed, x).real
-        self.stored = float(self._weights @ (elastic + stored)) / 2
-        self.dissipated += float(self._weights @ heat)
+        of_waves = np.array([self._weights @ (elastic + stored), self._weights @ heat])
+        twice, more = self._ranks.total(of_waves).tolist()
+        self.stored, self.dissipated = twice / 2, self.dissipated + more
 
     def turn(self, phases: ComplexArray | None) -> None:
         """Multiply displacements and stretches by phases of the waves: the material moves in the step."""
@@ -158,14 +167,14 @@ class TractionModes:
         # All are transforms, (1 + axes, modes). stored + dissipated is the work per area. `velocity` of the
         # contact along x at the end of the run serves `slowest`.
         self._velocity = velocity
-        self._grid, self._axes = grid, len(grid.points)
+        self._grid, self._axes, self.ranks = grid, len(grid.points), grid.ranks
         self._waves = TractionWaves(grid)
         self._vectors, self._mode = self._waves.vectors, self._waves.mode
         self._share, self._along = self._waves.share, self._waves.along
         weights = np.ravel(grid.parseval_weights)[self._mode] / self._share
         parts = [spectrum.in_plane, VectorSpectrum.of(spectrum.across)]
         every = [_at(each, self._mode) for each in parts[: self._axes]]
-        self.components = [VectorModes(each, scheme, weights) for each in every]
+        self.components = [VectorModes(each, scheme, weights, grid.ranks) for each in every]
         self.weights = np.concatenate([np.repeat(weights, n) for n in (2, 1)[: self._axes]])
         self.phases: ComplexArray | None = None
         self._response: Response | None = None
@@ -217,7 +226,7 @@ class TractionModes:
             count, shape = math.prod(self._grid.spectral_shape), self._grid.spectral_shape
             in_plane, across = (kappa[:count] for kappa, _ in (terms[0], terms[-1]))
             self._response = Response.of_stiffness(
-                in_plane.reshape(*shape, 2, 2), across[:, -1, -1].reshape(shape)
+                in_plane.reshape(*shape, 2, 2), across[:, -1, -1].reshape(shape), self._grid.ranks
             )
         self._b = [b for _, b in terms]
         assert self._response is not None
@@ -227,11 +236,12 @@ class TractionModes:
         """Return the response in the steady state, which each step carries over a way along x."""
         self.carry(way, *[0.0] * (self._axes - 1))
         stiffness = [part.settled(step) for part in self.components]
-        self._of_waves = Response.of_stiffness(stiffness[0], stiffness[-1][:, -1, -1])
+        ranks = self._grid.ranks
+        self._of_waves = Response.of_stiffness(stiffness[0], stiffness[-1][:, -1, -1], ranks)
         count, shape = math.prod(self._grid.spectral_shape), self._grid.spectral_shape
         of = self._of_waves
         parts = of.normal, of.coupling, of.along, of.across
-        return Response(*(part[:count].reshape(shape) for part in parts))
+        return Response(*(part[:count].reshape(shape) for part in parts), ranks=ranks)
 
     def under_settled(self, tractions: ComplexArray) -> ComplexArray:
         """Return the displacements of the waves in that state."""
@@ -311,8 +321,8 @@ class TractionModes:
         times, vectors = self.components[0].spectrum.times, self.components[0].spectrum.vectors
         cycles = q[chosen] * speed * times[:, chosen]
         loss = (np.abs(vectors[:, chosen]) ** 2).sum(axis=-1) * cycles / (1 + cycles**2)
-        relevant = loss > tolerance * loss.sum()
-        slow = float(times[:, chosen][relevant].max(initial=0.0))
+        relevant = loss > tolerance * self._grid.ranks.total(float(loss.sum()))
+        slow = self._grid.ranks.maximum(float(times[:, chosen][relevant].max(initial=0.0)))
         return max(2 * math.pi / (float(longest) * speed), slow)
 
     def moved(self, loads: list[ComplexArray]) -> list[ComplexArray]:
@@ -351,12 +361,15 @@ def _joined(parts: Sequence[ComplexArray]) -> ComplexArray:
 class TractionWaves:
     """The waves of a grid: wavevectors, (axes, waves), with the mode of the grid and the share in it of each.
 
-    The first waves are the modes in their order.
+    The first waves are the modes in their order, and `order` is that of the waves of all processes.
     """
 
     def __init__(self, grid: Grid) -> None:
         vectors = np.array([np.broadcast_to(q, grid.spectral_shape).ravel() for q in grid.wavevectors])
         mode, share = np.arange(vectors.shape[1]), np.ones(vectors.shape[1])
+        width, own = grid.points[-1] // 2 + 1, grid.spectral_shape[-1]
+        order = mode // own * width + mode % own + grid.columns.start
+        every = math.prod(grid.points[:-1]) * width
         for axis, (points, period) in enumerate(zip(grid.points, grid.period, strict=True)):
             if points % 2:
                 continue
@@ -366,7 +379,8 @@ class TractionWaves:
             others[axis] *= -1
             vectors = np.concatenate((vectors, others), axis=1)
             mode, share = np.append(mode, mode[shared]), np.append(share, share[shared])
-        self.vectors, self.mode, self.share = vectors, mode, share
+            order = np.append(order, order[shared] + (1 + axis) * every)
+        self.vectors, self.mode, self.share, self.order = vectors, mode, share, order
         length = np.sqrt((vectors**2).sum(axis=0))
         still = length == 0  # the mean has no direction
         self.along = np.where(still, 0.0, vectors / np.where(still, 1.0, length))

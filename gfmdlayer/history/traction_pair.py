@@ -29,7 +29,7 @@ class TractionPair:
     slope = None  # of the surface: the tangential force follows from tractions
 
     def __init__(self, bodies: tuple[TractionModes, TractionModes], ratio: float) -> None:
-        self.bodies, self.ratio = bodies, ratio
+        self.bodies, self.ratio, self.ranks = bodies, ratio, bodies[0].ranks
         self.weights = np.concatenate([body.weights for body in bodies])
         self._known: tuple[Response, Response, Response] | None = None
         self._history = CompositeState(body=bodies[0], counterbody=bodies[1])

@@ -398,7 +398,7 @@ def _without_images(
         wider = wider_cell(
             given.body, given.grid, given.heights, target, given.boundary,
             rates=(math.inf if given.glassy else 0.0,), by_depth=control == "depth", friction=friction,
-            larger=True,
+            larger=True, interface=given.interface,
         )  # fmt: skip
         if wider is None:
             raise

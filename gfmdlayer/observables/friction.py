@@ -180,6 +180,7 @@ class Slip(Observable):
         self._direction, self._time = direction(case.config), case.config.time
         alone = case.config.grid.ends_along_x and case.config.trajectory.moves
         self._by_spacings = alone or self._time.at_once
+        self._ranks = case.grid.ranks
         self._heat = self._change = 0.0
         self._times = [math.nan] * len(self.NUMBERS)
 
@@ -204,13 +205,17 @@ class Slip(Observable):
 
     def measure(self, step: Step) -> Mapping[str, float]:
         """Return the columns of the case."""
+        import numpy as np
+
         n, mean, force = self._direction, step.mean_pressure, step.shear_force
         touching, stick = step.fields["touching"], step.fields["stick"]
         self._heat += step.slip_heat
         self._change += step.slip_heat_change
-        sticks, slips = bool(stick.any()), bool((touching & ~stick).any())
+        counts = np.array([stick.sum(), (touching & ~stick).sum(), touching.sum(), stick.size])
+        *points, size = self._ranks.total(counts).tolist()
+        sticks, slips, touches = (count > 0 for count in points)
         sticks_again = sticks and not math.isnan(self._times[1])
-        for i, is_now in enumerate((slips, bool(touching.any()) and not sticks, sticks_again)):
+        for i, is_now in enumerate((slips, touches and not sticks, sticks_again)):
             if is_now and math.isnan(self._times[i]):
                 self._times[i] = step.time
         means = step.mean_shear
@@ -218,7 +223,7 @@ class Slip(Observable):
         values = {
             "interface_friction": _over_normal(force, mean, step),
             "hysteresis_friction": _over_normal(total - force, mean, step),
-            "stick_area": float(stick.mean()),
+            "stick_area": points[0] / size,
             "slip_heat": self._heat,
             "tangential_displacement": float(n @ step.moved),
             "creepage": step.path[0] / step.way if step.way else math.nan,

@@ -156,9 +156,7 @@ def problems_together(config: Config, ranks: int) -> Iterator[Mistake]:
     if reason := refused(config.grid.points, ranks):
         yield Mistake(("grid", "points"), f"got {reason}", because="physics")
     chosen = config.contact_solver.method
-    if config.friction:
-        yield Mistake(("interface",), f"has friction; must have none {condition}", because="open")
-    elif not SOLVERS[chosen].distributed:
+    if not (config.friction or SOLVERS[chosen].distributed):
         able = " or ".join(name for name, solver in SOLVERS.items() if solver.distributed)
         yield Mistake(("solver", "method"), f"got {chosen!r}; must be {able} {condition}")
     if config.output.keep_state:

@@ -163,6 +163,21 @@ def test_a_contact_wider_than_the_reach_is_that_of_a_larger_cell():
     assert np.abs(off).max() < 1e-5 * float(wide.pressure.max())  # ten times the residual
 
 
+def test_a_contact_that_attraction_widens_is_that_of_a_larger_cell():
+    """It was refused: the cell was that of the contact without attraction."""
+    law = {"law": "exponential", "work": 0.03, "range": 0.06}
+    given = {"depth": 0.04, "isolated": True, "interface": law}
+    body, punch = halfspace(1.0), Parabola(radius=0.5)
+    found = solve(body, punch, period=2.0, points=(32, 32), **given)
+    assert found.attrs["cell"].startswith("a cell of 2 periods inside")
+    wide = solve(body, punch, period=4.0, points=(64, 64), **given)
+    assert "cell" not in wide.attrs
+    # The punch ends at a gap of 1 beside the window, where exp(-1/range) is left of the attraction.
+    assert float(found.force) == pytest.approx(float(wide.force), rel=1e-5)
+    off = found.pressure.to_numpy() - wide.pressure[16:-16, 16:-16].to_numpy()
+    assert np.abs(off).max() < 1e-5 * float(np.abs(wide.pressure).max())  # ten times the residual
+
+
 @pytest.mark.parametrize(
     ("options", "words"),
     [

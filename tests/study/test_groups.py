@@ -30,8 +30,9 @@ ROUGH = "self_affine, hurst: 0.8, rms_slope: 0.1, short_cutoff: 0.2, seed: 3"
 ATTRACTIVE = SURFACE.replace("method: nested_gradient, ", "")
 ATTRACTIVE = ATTRACTIVE.replace("control: load, load: 0.02", "control: depth, depth: 0.01")
 ATTRACTIVE += "interface: {law: exponential, work: 2.0e-4, range: 4.0e-3}\n"
-# Any boundary and punch, motion, hardness and attraction, stresses below the surface. Steps of the adhesive
-# case have a V-cycle.
+RUBBING = SURFACE.replace("method: nested_gradient, ", "") + "interface: {law: coulomb, coefficient: 0.3}\n"
+# Any boundary and punch, motion, hardness, attraction and friction, stresses below the surface. Steps of the
+# adhesive case have a V-cycle.
 CASES = {
     "rough": SURFACE,
     "isolated": SURFACE.replace("period: 1.0", "period: [1.0, 0.9], boundary: isolated")
@@ -47,6 +48,11 @@ CASES = {
     "adhesive": ATTRACTIVE.replace("[40, 36]", "[72, 60]").replace("0.3", "0.4"),
     "smooth": ATTRACTIVE.replace("ramp_time: 0.2", "ramp_time: 0.2, velocity: 1.0")
     .replace(ROUGH, "parabola"),
+    "partial slip": RUBBING.replace(
+        "ramp_time: 0.2", "ramp_time: 0.2, tangential: {displacement: 2.0e-3, start: 0.1, ramp_time: 0.2}"
+    ).replace("patches: true", "patches: true, inside: {depths: [0.03, 0.15], every: 1}"),
+    "creepage": RUBBING.replace(ROUGH, "parabola").replace("0.3, step: 0.1", "0.4, step: 0.05")
+    .replace("ramp_time: 0.2", "ramp_time: 0.2, velocity: 0.5, creepage: {x: 0.01, spin: 0.1}"),
 }  # fmt: skip
 MEASURED = """
 punch: {shape: topography, file: heights.npy, detrend: paraboloid, taper: 0.3}
@@ -96,7 +102,7 @@ def over_ranks(ranks, program):
 
 @pytest.fixture(scope="module")
 def of_two_ranks(tmp_path_factory):
-    """A folder with the results of all cases, each computed by two ranks, and of two that were killed."""
+    """A folder with the results of all cases, each computed by two ranks, and of three that were killed."""
     folder = tmp_path_factory.mktemp("ranks")
     with chdir(folder):
         configure()
@@ -105,15 +111,16 @@ def of_two_ranks(tmp_path_factory):
         for program in (
             "several('adhesive-killed'); kill(0, 0.15); several('sliding-killed')",
             "kill(1, 0.25); several('sliding-killed')",
+            "several('sliding-killed'); kill(1, 0.25); several('partial slip-killed')",
         ):
             process = over_ranks(2, program)
             assert process.returncode != 0
             assert process.stderr.count("goes on from time") == 1, process.stderr
         assert case("adhesive-killed").time[-1] == 0.4
-        for name in ("begun", "sliding-killed"):
+        for name in ("begun", "partial slip-killed"):
             left = {path.name for path in Path(f"{name}/cases").iterdir()}
             assert left >= {"0000.checkpoint", "0000.snapshots"}
-        process = over_ranks(2, f"several('sliding-killed'); sys.exit(several(*{[*CASES]}))")
+        process = over_ranks(2, f"several('partial slip-killed'); sys.exit(several(*{[*CASES]}))")
     assert process.returncode == 0, process.stderr
     assert process.stderr.count("goes on from time") == 1, process.stderr
     assert process.stderr.count("1 case; 1 group of 2 MPI ranks") == len(CASES) + 1
@@ -130,7 +137,10 @@ def test_ranks_have_the_results_of_one_process(of_two_ranks, run_here):
         for column in set(one.data_vars) - {"residual", "iterations", "transforms", "margin"}:
             # The residual of the balance is a difference of energies, which agree to 1e-9 of the work; the
             # error of the area comes from second differences of fields, and agrees to 1e-9 of the area.
+            # Tractions are solved as vectors.
             wholes = {"energy_residual": "work", "area_error": "area_interpolated"}
+            wholes |= {"shear_y": "shear_x", "transverse_force": "tangential_force"}
+            wholes |= {"slip_velocity_y": "slip_velocity_x", "slip_heat": "work"}
             wholes["contact_area_error"] = "contact_area_interpolated"
             of = one[wholes.get(column, column)]
             scale = float(np.abs(of).max()) or 1.0
@@ -143,9 +153,9 @@ def test_ranks_have_the_results_of_one_process(of_two_ranks, run_here):
         assert found == [".lock", "0000.h5", "0000.xdmf"]
 
 
-@pytest.mark.parametrize("name", ["adhesive", "sliding"])
+@pytest.mark.parametrize("name", ["adhesive", "sliding", "partial slip"])
 def test_a_case_whose_rank_is_killed_is_resumed_bit_for_bit(name, of_two_ranks, bits):
-    """An attracting punch loses its second rank; a moving one on a body with memory both, in turn."""
+    """A punch that attracts or rubs loses its second rank; a moving one on a body with memory both."""
     assert bits(of_two_ranks / f"{name}-killed") == bits(of_two_ranks / name)
 
 
