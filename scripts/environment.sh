@@ -19,5 +19,6 @@ if [[ ! -x $python ]]; then
     python3 -m venv "$root/.venv"
 fi
 echo "installing gfmdlayer[$extras] into $root/.venv"
-(cd "$root" && "$python" -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[$extras]")
+(cd "$root" && "$python" -m pip install --quiet --disable-pip-version-check --no-compile -c constraints.txt -e ".[$extras]")
+"$python" -m compileall -q -j 0 "$root/.venv/lib" >/dev/null || true # on all cores; some files are templates
 echo "$state" >"$marker"

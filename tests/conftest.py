@@ -4,6 +4,7 @@ import fcntl
 import gc
 import os
 import shutil
+import signal
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,6 +12,7 @@ import h5py
 import numpy as np
 import pytest
 from hypothesis import settings
+from matplotlib.figure import Figure
 from numba.core.compiler_lock import global_compiler_lock
 from numba.core.dispatcher import Dispatcher
 from scipy.optimize import nnls
@@ -27,6 +29,19 @@ from tests.recordings import Kept
 settings.register_profile("short", derandomize=True, deadline=None)
 settings.register_profile("long", max_examples=10_000, print_blob=True, deadline=None)
 settings.load_profile("short")
+
+
+def pytest_collection_finish():
+    """Modules and tests stay: the collector of garbage need not look through them each time."""
+    gc.freeze()
+
+
+@pytest.fixture(scope="session", autouse=True)
+def signals_reach_programs():
+    """Programs that tests start inherit no ignored signal, as of nohup or of a shell's background."""
+    for signum in (signal.SIGHUP, signal.SIGINT):
+        if signal.getsignal(signum) == signal.SIG_IGN:
+            signal.signal(signum, lambda *_: None)  # still ignored here, and not by programs
 
 
 @pytest.fixture(scope="session", autouse=True)
@@ -179,6 +194,20 @@ def bits():
         return found
 
     return bits
+
+
+@pytest.fixture
+def undrawn(monkeypatch):
+    """Pictures are built and get their files, which stay empty: drawing takes most of a second each.
+
+    The frames of a movie, which its writer draws into memory, are drawn.
+    """
+    drawn = Figure.savefig
+
+    def savefig(figure, file, **settings):
+        return Path(file).touch() if isinstance(file, str | Path) else drawn(figure, file, **settings)
+
+    monkeypatch.setattr(Figure, "savefig", savefig)
 
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")

@@ -51,6 +51,7 @@ def inputs(tmp_path_factory):
     os.chdir(before)
 
 
+@pytest.mark.usefixtures("undrawn")
 @pytest.mark.parametrize("command", COMMANDS, ids=" ".join)
 def test_a_folder_takes_the_default_name_and_a_name_its_ending(command, tmp_path, monkeypatch):
     if "--movie" in command:
@@ -87,6 +88,7 @@ def test_a_new_configuration_too(tmp_path):
     assert {path.name for path in tmp_path.iterdir()} == {"indentation.yaml", "first.yaml"}
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_the_flow_of_a_leak_too(tmp_path):
     assert main(["leak", "seal", "--out", str(tmp_path), "--fields", str(tmp_path)]) == 0
     assert {path.name for path in tmp_path.iterdir()} == {"seal-leak.png", "seal-leak.h5"}

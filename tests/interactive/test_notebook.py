@@ -7,6 +7,7 @@ import sys
 from inspect import Parameter, signature
 
 import jedi
+import matplotlib as mpl
 import numpy as np
 import pytest
 
@@ -81,6 +82,7 @@ def test_a_notebook_runs_from_its_first_cell_to_its_last_without_a_warning(tmp_p
     (tmp_path / "first.ipynb").write_text(json.dumps(notebook), encoding="utf-8")
     execute = ["nbconvert", "--to", "notebook", "--execute", "--output", "run.ipynb", "first.ipynb"]
     home = os.environ | {"HOME": str(tmp_path), "PYTHONWARNINGS": "default"}
+    home |= {"MPLCONFIGDIR": mpl.get_cachedir()}  # with the list of fonts, which takes seconds to make
     command = [sys.executable, "-m", *execute]
     done = subprocess.run(command, cwd=tmp_path, env=home, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr

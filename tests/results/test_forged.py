@@ -50,12 +50,19 @@ def fresh(*arguments):
     )
 
 
+# Pictures are built, which reads the results, but not drawn.
 READING = """
 import sys, warnings
+from pathlib import Path
+from matplotlib.figure import Figure
 from gfmdlayer import inside, leakage, open_case, open_results
 from gfmdlayer.cli import main
 from gfmdlayer.config import ConfigError
 
+drawn = Figure.savefig
+Figure.savefig = lambda figure, file, **settings: (
+    Path(file).touch() if isinstance(file, (str, Path)) else drawn(figure, file, **settings)
+)
 folder, case, out = sys.argv[1:]
 with open_results(folder) as sweep, open_case(case) as one:
     sweep.load(), one.load()

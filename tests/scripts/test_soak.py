@@ -58,17 +58,17 @@ def test_damaged_configurations_are_taken_or_refused(trials, tmp_path):
     assert ends["refused"] > ends["taken"]
 
 
-@pytest.mark.parametrize("first", [0, pytest.param(25, marks=pytest.mark.slow)])
-def test_combinations_of_abilities_are_refused_or_complete_in_all_that_follows(first, trials, tmp_path):
+@pytest.mark.parametrize(("first", "end"), [(0, 10), pytest.param(10, 50, marks=pytest.mark.slow)])
+def test_combinations_of_abilities_are_refused_or_complete_in_all_that_follows(first, end, trials, tmp_path):
     """Each is run, drawn or reported, opened, interpolated beside half the tolerance, and balanced."""
     trial, ends = trials("combinations").trial, {}
-    for index in range(first, first + 25):
+    for index in range(first, end):
         (folder := tmp_path / str(index)).mkdir()
         ends[index] = trial(51, index, folder, 1)
-    assert {index: end for index, end in ends.items() if not end.good} == {}
-    counts = Counter(end.kind for end in ends.values())
-    assert counts["converged"] > 8
-    assert counts["refused"] > 2
+    assert {index: each for index, each in ends.items() if not each.good} == {}
+    counts = Counter(each.kind for each in ends.values())
+    assert counts["converged"] > 0.3 * len(ends)
+    assert counts["refused"] > 0.1 * len(ends)
 
 
 def test_combinations_have_three_to_six_abilities_and_every_one_is_drawn(trials):
