@@ -122,7 +122,7 @@ def pictures(path: Path) -> Iterator[Picture]:
         yield from _of(results, cases, "")
         if path.name in ALSO_IN_SI:
             si = in_si(results)
-            titles = dict(zip(si["case"].to_numpy().flat, case_titles(si).values(), strict=True)) if cases else {}
+            titles = dict(zip(si["case"].to_numpy().flat, case_titles(si).values(), strict=True))
             yield from _of(si, {titles[int(case["case"])]: in_si(case) for case in cases.values()}, "SI ")
 
 

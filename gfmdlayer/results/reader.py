@@ -95,9 +95,7 @@ def flaw(path: Path, most: float = math.inf, digest: str | None = None) -> str:
 DAMAGED = "is damaged: it holds other bytes than were written; run the configuration again"
 INCOMPLETE = "not a complete result file"
 ESTIMATES = "convergence.h5"
-ONLY_ESTIMATES = (
-    "holds the estimates of `gfmdlayer converge`, which `gfmdlayer plot` draws, and no results of `gfmdlayer run`"
-)
+ONLY_ESTIMATES = "holds the estimates of `gfmdlayer converge`, which `gfmdlayer plot` draws, and no results"
 
 
 def _no_file(path: Path) -> str:

@@ -1,4 +1,4 @@
-"""Bodies of a user's own, from YAML: the examples of docs/reference/additions.md in a file beside the configuration."""
+"""Bodies of a user's own, from YAML: the examples of the page of additions beside the configuration."""
 
 import pickle
 import re

@@ -261,7 +261,7 @@ def test_time_is_logarithmic_where_short_cases_would_be_upright_lines(longest, s
 
 @pytest.mark.parametrize(("middle", "scale"), [(7.0, "linear"), (6.0, "log")])
 def test_time_is_logarithmic_where_most_rows_of_a_case_lie_at_its_beginning(middle, scale):
-    """As of a seal, whose leak falls over decades: half of its rows are in the first fifteenth of the time."""
+    """As of a seal, whose leak falls over decades: half of its rows are in the first fifteenth."""
     data = Dataset(
         {"contact_area": ("time", [0.0, 0.1, 0.2], {"units": "1"})},
         {"time": ("time", [0.0, middle, 100.0], {"units": "s"})},

@@ -1,4 +1,4 @@
-"""The examples of docs/reference/additions.md work: each file and its line in a table, in a copy of the package.
+"""The examples of reference/additions.md work: each file and its line in a table, in a copy of the package.
 
 What is added is run, checked, swept, offered by the schema and the templates, listed and drawn.
 """
