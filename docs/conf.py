@@ -25,6 +25,7 @@ extensions = [
     "published_values",
     "reference_pages",
     "thumbnails",
+    "verification_run",
 ]
 source_suffix = {".md": "markdown", ".rst": "restructuredtext"}
 templates_path = ["templates"]

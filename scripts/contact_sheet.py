@@ -30,7 +30,7 @@ from gfmdlayer.figures.labels import SCALES
 from gfmdlayer.figures.map_plots import map_figure
 from gfmdlayer.figures.movies import animated
 from gfmdlayer.figures.plot_style import PAPER, SCREEN, Style, styled
-from gfmdlayer.figures.selection import case_dimensions, swept
+from gfmdlayer.figures.selection import case_dimensions, case_titles, swept, varying
 from gfmdlayer.figures.snapshots import (
     Inset,
     cases_with_snapshots,
@@ -121,14 +121,16 @@ def pictures(path: Path) -> Iterator[Picture]:
             yield "loop along the surface", lambda: loop_figure(path, results, y="tangential_force"), PAPER
         yield from _of(results, cases, "")
         if path.name in ALSO_IN_SI:
-            yield from _of(in_si(results), {title: in_si(case) for title, case in cases.items()}, "SI ")
+            si = in_si(results)
+            titles = dict(zip(si["case"].to_numpy().flat, case_titles(si).values(), strict=True))
+            yield from _of(si, {titles[int(case["case"])]: in_si(case) for case in cases.values()}, "SI ")
 
 
 def _of(results: Dataset, cases: dict[str, Dataset], prefix: str) -> Iterator[Picture]:
     along = {"time", "row", *case_dimensions(results)}
     over_time = [name for name, each in results.data_vars.items() if {"time", "row"} & {*each.dims}]
     columns = [str(name) for name in over_time if {*results[name].dims} <= along]
-    numbers = [name for name in columns if np.isfinite(results[name]).any()]
+    numbers, _ = varying(results, [name for name in columns if np.isfinite(results[name]).any()])
     for i in range(0, len(numbers), PANELS):
         part = numbers[i : i + PANELS]
         yield f"{prefix}columns {i}", lambda part=part: curves_figure(results, y=part), PAPER

@@ -59,7 +59,8 @@ def _options_of_plot(parser: argparse.ArgumentParser) -> None:
     arguments(parser, text)
     kinds = parser.add_mutually_exclusive_group()
     described = "; ".join(f"{kind}: {meaning}" for kind, meaning in KINDS.items())
-    kinds.add_argument("--kind", choices=tuple(KINDS), help=f"{described} (default: curves and snapshots)")
+    usual = "curves and snapshots; of a folder with estimates alone these"
+    kinds.add_argument("--kind", choices=tuple(KINDS), help=f"{described} (default: {usual})")
     meaning = "displacement and pressure, one frame for each snapshot: .mp4 with ffmpeg, else .gif"
     kinds.add_argument("--movie", dest="kind", action="store_const", const="movie", help=meaning)
     text = """
@@ -68,7 +69,8 @@ def _options_of_plot(parser: argparse.ArgumentParser) -> None:
     --labels {words,symbols} = words  axes in words with the symbol behind, or the symbol alone
     --columns  list the columns of the results, with unit and meaning, and draw nothing
     --log AXES  logarithmic axes: x, y, x,y or none; z: the colours of a map (default: time, where the
-      durations of the cases differ more than thirtyfold; of a map as the values are spread)
+      durations of the cases differ more than thirtyfold, or half of the rows lie in the first fifteenth; of a
+      map as the values are spread)
     --log-time  --log x of curves over time
     --times T ...  draw the snapshots of these times, all of them (default: of very many, some)
     --inset T ...  draw punch and surface at these snapshot times in an inset of the curves

@@ -57,6 +57,7 @@ ROW_MM = 4.5  # of a legend
 OVER_FRAME = 2.6  # order of drawing: a fall at the last time is not hidden by the frame
 REDUCED = "reduced_velocity"
 MOST_DURATIONS = 30.0  # longest over shortest case, on a linear axis of time
+MOST_HALVES = 15.0  # end over the time of the middle row, likewise; as in report/curves.js
 
 
 def curves_figure(
@@ -83,7 +84,8 @@ def curves_figure(
         Sizes and fonts.
     log : sequence of {"x", "y"}, optional
         Logarithmic axes, on which positive values have a place. By default the axes are linear, except that
-        of time where the durations of the cases differ more than thirtyfold.
+        of time where the durations of the cases differ more than thirtyfold, or half of the rows of each lie
+        in its first fifteenth.
     log_time : bool
         The same as `log` of "x", over time.
     inset : Inset, optional
@@ -130,10 +132,8 @@ def curves_figure(
             columns, (66.0 if columns == 2 else 62.5) * shape[0] * (1.25 if len(names) == 1 else 1.0), style
         )
         panels = figure.subplots(*shape, sharex=columns == 1, squeeze=False)
-        if log is None:  # on a linear axis the curves of short cases would be upright lines
-            ends = drawn.sweep["time"].max(rows(drawn.sweep))
-            differ = bool(ends.max() > MOST_DURATIONS * ends.where(ends > 0).min())
-            log = ["x"] * (x == "time" and inset is None and differ)
+        if log is None:
+            log = ["x"] * (x == "time" and inset is None and _spans_decades(drawn.sweep))
         for axes in panels.flat[len(names) :]:
             axes.remove()
         said_of_panels: list[str] = []
@@ -149,13 +149,20 @@ def curves_figure(
             if inset is not None:
                 inset.mark(axes, drawn.sweep[name])
         more = _draw_legend(figure, drawn, columns, style)
-        if inset is not None:
-            inset.draw(panels[0, 0])
+        within = inset.draw(panels[0, 0]) if inset is not None else []
         places = [f"{name}: {place}" for name in names if (place := drawn.sweep[name].attrs.get("place"))]
         said = [*places, *notes(drawn.sweep, names), *drawn.notes, *more, *empty]
         symbols = explained(drawn.sweep, [*names, x], [*drawn.written, *said])
-        finish(figure, [*dict.fromkeys(said_of_panels), *symbols, *said])
+        finish(figure, [*dict.fromkeys([*said_of_panels, *symbols, *within]), *said])
     return figure
+
+
+def _spans_decades(sweep: Dataset) -> bool:
+    """Whether curves, or most of each, would be upright lines at the beginning of a linear axis of time."""
+    times, along = sweep["time"].load(), rows(sweep)
+    ends = times.max(along)
+    differ = bool(ends.max() > MOST_DURATIONS * ends.where(ends > 0).min())
+    return differ or bool((times.median(along) * MOST_HALVES < ends).all())
 
 
 def _draw_against_column(axes: Axes, drawn: Family, x: str, y: str, log: Sequence[str]) -> list[str]:

@@ -31,7 +31,7 @@ from gfmdlayer.figures.snapshots import (
 from gfmdlayer.files.whole import output_file
 from gfmdlayer.results.convergence import open_convergence
 from gfmdlayer.results.names import ResultsError
-from gfmdlayer.results.reader import open_case, open_results
+from gfmdlayer.results.reader import only_estimates, open_case, open_results
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -79,8 +79,8 @@ def plot_results(
         stick: where the surfaces stick and slip; inside: stresses below the surface; waterfall: pressure
         profiles through time; map: columns over two swept keys; movie: displacement and pressure; body: the
         layers and their moduli; convergence: the errors that `gfmdlayer.converge` estimated. By default the
-        curves and, as NAME-snapshots, the snapshots if there are any;
-        with x or y only the curves.
+        curves and, as NAME-snapshots, the snapshots if there are any; with x or y only the curves; of a
+        folder with nothing but such estimates, these.
     select : mapping
         Swept key -> value of the cases, of which the nearest is taken, or a range.
     case : int, optional
@@ -119,6 +119,8 @@ def plot_results(
         If there are no results, or none of this kind, or the picture cannot be written.
     """
     path, look = Path(path), STYLES[style]
+    if kind is None and only_estimates(path) and not (x or z or select or times or inset or case is not None):
+        kind = "convergence"
     kind = kind or ("curves" if x or y else None)
     with ExitStack() as stack:
         stack.enter_context(labelled(labels))

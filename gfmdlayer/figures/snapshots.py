@@ -19,7 +19,7 @@ from matplotlib import colormaps, rcParams
 from matplotlib.lines import Line2D
 
 from gfmdlayer.figures.curve_family import LEGEND_MOST, ColourBar
-from gfmdlayer.figures.labels import explained, finish, name_axes, quantity
+from gfmdlayer.figures.labels import explained, finish, name_axes, quantity, symbol
 from gfmdlayer.figures.plot_style import (
     CONTACT,
     GAP_COLOURS,
@@ -497,12 +497,13 @@ class Inset(NamedTuple):
                 time / tau, value / unit, "o", color=colour, markeredgecolor="white", zorder=3, clip_on=False
             )
 
-    def draw(self, panel: Axes) -> None:
-        """Draw the inset where it covers the least of the panel's curves."""
+    def draw(self, panel: Axes) -> list[str]:
+        """Draw the inset where it covers the least of the panel's curves; return notes on its symbols."""
         titles = snapshot_titles(self.profile)
         left, bottom = _emptiest_corner(panel, LEFT + WIDTH, BELOW + HEIGHT + LINE * len(titles))
         axes = panel.inset_axes((left + LEFT, bottom + BELOW, WIDTH, HEIGHT))
-        along, up = (quantity(self.profile[name], self.profile.attrs) for name in ("x", "displacement"))
+        drawn = [quantity(self.profile[name], self.profile.attrs) for name in ("x", "displacement")]
+        along, up = (each._replace(words="") for each in drawn)  # words would reach beyond the panel
         x = self.profile["x"].to_numpy() / along.scale
         for i, colour in enumerate(self._colours()):
             one = self.profile.isel(snapshot=i)
@@ -522,6 +523,7 @@ class Inset(NamedTuple):
         axes.locator_params(nbins=3)
         seen = [tick for tick in axes.get_xticks() if ends[0] <= tick <= ends[1]]
         axes.set_xticks(seen[:: max(len(seen) - 1, 1)])  # the outer two: more would run together
+        return explained(self.profile, ["displacement"], [symbol(self.profile["displacement"])])
 
     def _colours(self) -> list[tuple[float, ...]]:
         count = self.profile.sizes["snapshot"]

@@ -94,6 +94,8 @@ def flaw(path: Path, most: float = math.inf, digest: str | None = None) -> str:
 
 DAMAGED = "is damaged: it holds other bytes than were written; run the configuration again"
 INCOMPLETE = "not a complete result file"
+ESTIMATES = "convergence.h5"
+ONLY_ESTIMATES = "holds the estimates of `gfmdlayer converge`, which `gfmdlayer plot` draws, and no results"
 
 
 def _no_file(path: Path) -> str:
@@ -268,6 +270,8 @@ def open_results(directory: str | Path) -> xarray.Dataset:
     sweep, config = directory / SWEEP_FILE, directory / "config.yaml"
     files = sorted((directory / "cases").glob("*.h5"))
     if not sweep.exists() and not (directory / "cases").is_dir():
+        if only_estimates(directory):
+            raise ResultsError(f"{directory}: {ONLY_ESTIMATES}")
         raise ResultsError(f"{directory}: not a folder of results, it has neither {SWEEP_FILE} nor cases/")
     numbers = set(case_numbers(config)) if config.exists() else set()
     if sweep.exists():
@@ -287,6 +291,13 @@ def open_results(directory: str | Path) -> xarray.Dataset:
         raise ResultsError(f"{directory}: no complete case{_first_failure(directory)}")
     several = f"{len(complete)} complete cases but no {SWEEP_FILE}; run the config again"
     raise ResultsError(f"{directory}: {several}")
+
+
+def only_estimates(path: Path) -> bool:
+    """Whether a file, or all that a folder has of this package, is estimates of errors."""
+    if not path.is_dir():
+        return path.name == ESTIMATES and path.is_file()
+    return (path / ESTIMATES).is_file() and not any((path / name).exists() for name in (SWEEP_FILE, "cases"))
 
 
 def _first_failure(directory: Path) -> str:
@@ -362,6 +373,8 @@ def _reason(path: Path, reason: str = INCOMPLETE) -> str:
     """Return why a file cannot be used as results, as far as another reason than the given is known."""
     if place := _no_file(path):
         return place
+    if only_estimates(path):
+        return ONLY_ESTIMATES
     if path.suffix in {".yaml", ".yml"}:
         return "is a configuration; must be results, such as the folder results/NAME after its run"
     with suppress(OSError):

@@ -282,6 +282,10 @@ class Folder:
         if not self.path.is_dir():
             raise FolderError(f"{self.path}: no such folder")
         if not self.is_results():
+            from gfmdlayer.results.reader import ONLY_ESTIMATES, only_estimates
+
+            if only_estimates(self.path):
+                raise FolderError(f"{self.path}: {ONLY_ESTIMATES}")
             raise FolderError(f"{self.path}: not a results folder of gfmdlayer: {self.lacking}")
 
 

@@ -1,4 +1,4 @@
-"""Bodies of a user's own, from YAML: the examples of CONTRIBUTING.md in a file beside the configuration."""
+"""Bodies of a user's own, from YAML: the examples of the page of additions beside the configuration."""
 
 import pickle
 import re
@@ -32,7 +32,7 @@ from gfmdlayer.study.cases import cases, input_errors
 ROOT = Path(__file__).parents[2]
 EXAMPLES = re.findall(
     r"^```python\n# gfmdlayer/body/(\w+\.py)\n(.*?)^```$",
-    (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8"),
+    (ROOT / "docs/reference/additions.md").read_text(encoding="utf-8"),
     re.DOTALL | re.MULTILINE,
 )
 CODE = {name: text for name, text in EXAMPLES if "(Solid)" in text}

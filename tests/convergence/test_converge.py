@@ -174,6 +174,16 @@ def test_the_command_writes_estimates_and_a_better_configuration(capsys):
     assert list(better.grid.points) == [written["suggested"]["grid.points"]]
     assert "sure to" in capsys.readouterr().out
     assert not Path("results/small/convergence").exists()  # unless they are asked for
+    assert main(["plot", "results/small", "--y", "work"]) == 0  # the estimates, where there is nothing else
+    assert main(["plot", "results/small/convergence.h5", "--out", "b.png"]) == 0
+    assert Path("results/small/convergence.png").is_file()
+    assert Path("b.png").is_file()
+    capsys.readouterr()
+    for verb in ("plot --x depth", "report", "status", "leak"):
+        assert main([*verb.split(), "results/small"]) == 2
+        assert "holds the estimates of `gfmdlayer converge`, which" in capsys.readouterr().err
+    with pytest.raises(gfmdlayer.ResultsError, match="results/small: holds the estimates of"):
+        gfmdlayer.open_results("results/small")
     assert main(["plot", "results/small", "--kind", "convergence"]) == 0
     assert main(["run", "small.yaml"]) == 0  # the folder is a results folder too
     assert main(["report", "results/small"]) == 0

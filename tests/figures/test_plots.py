@@ -259,6 +259,17 @@ def test_time_is_logarithmic_where_short_cases_would_be_upright_lines(longest, s
     assert curves_figure(data, y=["contact_area"], log=()).axes[0].get_xscale() == "linear"
 
 
+@pytest.mark.parametrize(("middle", "scale"), [(7.0, "linear"), (6.0, "log")])
+def test_time_is_logarithmic_where_most_rows_of_a_case_lie_at_its_beginning(middle, scale):
+    """As of a seal, whose leak falls over decades: half of its rows are in the first fifteenth."""
+    data = Dataset(
+        {"contact_area": ("time", [0.0, 0.1, 0.2], {"units": "1"})},
+        {"time": ("time", [0.0, middle, 100.0], {"units": "s"})},
+    )
+    assert curves_figure(data, y=["contact_area"]).axes[0].get_xscale() == scale
+    assert curves_figure(data, y=["contact_area"], log=()).axes[0].get_xscale() == "linear"
+
+
 def test_inset_shows_punch_and_surface_and_where_on_the_curve(thicknesses):
     with open_results(thicknesses) as data, open_case(case_path(thicknesses, 2)) as case:
         case.coords["case"] = 2
@@ -268,6 +279,8 @@ def test_inset_shows_punch_and_surface_and_where_on_the_curve(thicknesses):
     assert dots == [(2.0, 0.4), (0.5, 0.1)]  # t/tau with tau = 2, and the area 0.1 t
     (inset,) = area.child_axes
     assert len(inset.lines) == 4
+    assert (inset.get_xlabel(), inset.get_ylabel()) == ("$x$", "$u$")  # words would reach beyond the panel
+    assert "$u$: " in figure.get_supxlabel()
     surface, punch = (line.get_ydata() for line in inset.lines[:2])
     np.testing.assert_array_equal(surface, -np.maximum(0, 0.01 - X**2))
     np.testing.assert_allclose(punch, X**2 - 0.01, atol=1e-17)

@@ -1,4 +1,4 @@
-"""The examples of CONTRIBUTING.md work: each file and its line in a table, in a copy of the package.
+"""The examples of reference/additions.md work: each file and its line in a table, in a copy of the package.
 
 What is added is run, checked, swept, offered by the schema and the templates, listed and drawn.
 """
@@ -16,7 +16,8 @@ import pytest
 import gfmdlayer
 from gfmdlayer import open_case
 
-PAGE = Path(__file__).parents[2] / "CONTRIBUTING.md"
+ROOT = Path(__file__).parents[2]
+PAGE = ROOT / "docs/reference/additions.md"
 FILE = re.compile(r"^```python\n(# (gfmdlayer/\S+\.py)\n.*?)^```$", re.DOTALL | re.MULTILINE)
 TABLE = re.compile(r"`([A-Z]+)`[^`]*`(gfmdlayer/\S+\.py)`|`(gfmdlayer/\S+\.py)`[^`]*`([A-Z]+)`")
 LINE = re.compile(r"(`|^```python\n    )(\"\w[^`]*?,)\n?(`|```$)", re.DOTALL | re.MULTILINE)
@@ -95,7 +96,7 @@ VERBS = (
 
 def sections():
     """Return the sections "a ..." of the page by title."""
-    parts = re.split(r"^### (.*)\n", PAGE.read_text(encoding="utf-8"), flags=re.MULTILINE)[1:]
+    parts = re.split(r"^## (.*)\n", PAGE.read_text(encoding="utf-8"), flags=re.MULTILINE)[1:]
     return dict(zip(parts[::2], parts[1::2], strict=True))
 
 
@@ -156,7 +157,7 @@ def test_the_examples_have_the_style_of_the_package(tmp_path):
         (tmp_path / path).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / path).write_text(code, encoding="utf-8")
     for check in (["check"], ["format", "--check"]):
-        command = [sys.executable, "-m", "ruff", *check, "--config", str(PAGE.with_name("pyproject.toml"))]
+        command = [sys.executable, "-m", "ruff", *check, "--config", str(ROOT / "pyproject.toml")]
         found = subprocess.run([*command, str(tmp_path)], capture_output=True, text=True, check=False)
         assert found.returncode == 0, found.stdout
 

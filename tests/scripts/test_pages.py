@@ -10,6 +10,7 @@ import re
 import shutil
 import subprocess
 import sys
+import tomllib
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -122,3 +123,33 @@ def test_configurations_load(block, clone):
     whole = block.code if "name:" in block.code else f"name: part\n{block.code}"
     (clone / "case.yaml").write_text(whole)
     load("case.yaml")
+
+
+def length_allowed(page):
+    """Words that a page may have: what is looked up, and derivations, may be longer."""
+    folder = page.parent.name
+    return 600 if folder == "guides" and page.name != "index.md" else 2000 if page.parent == ROOT else 1500
+
+
+@pytest.mark.parametrize(
+    "page",
+    [
+        ROOT / "CONTRIBUTING.md", ROOT / "README.md",
+        *(each for each in DOCS.rglob("*.md") if each.relative_to(DOCS).parts[0] not in
+          {"reference", "theory", "verification", "examples", "_build"}),
+    ],
+    ids=lambda page: str(page.relative_to(ROOT)),
+)  # fmt: skip
+def test_a_page_is_short_enough_to_be_read(page):
+    assert len(page.read_text(encoding="utf-8").split()) <= length_allowed(page)
+
+
+def test_the_version_has_one_number_and_date_and_its_changes_fit_a_screen():
+    version = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["version"]
+    citation = dict(
+        re.findall(r"^(version|date-released): (\S+)$", (ROOT / "CITATION.cff").read_text(), re.M)
+    )
+    changes = re.split(r"^## \[(.*)\](?: - (.*))?\n", (ROOT / "CHANGELOG.md").read_text(), flags=re.M)
+    assert version == citation["version"] == changes[1]
+    assert citation["date-released"] == changes[2]
+    assert all(text.count("\n") <= 55 for text in changes[3::3])

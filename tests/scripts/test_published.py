@@ -18,7 +18,7 @@ def test_contact_of_other_codes_and_closed_forms_agree_to_the_last_digit(section
 
 
 def test_pull_off_agrees_with_maugis_within_the_bound_of_the_verification():
-    """Its bound is a hundredth; the numbers are of the stored run."""
+    """Its bound is a hundredth."""
     table = [line.split("|") for line in SECTIONS["adhesion"][0]() if line.startswith("| ")][1:]
     assert len(table) == 7
     for _, _, printed, ours, *_ in table:

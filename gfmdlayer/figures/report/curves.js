@@ -92,7 +92,7 @@ function scaled(name) {
 /** Whether half of the rows of a case lie in the first thirtieth of its time, as where it relaxes over decades. */
 function spansDecades(one) {
   const times = column(one, "time");
-  return times.length > 2 && times[times.length >> 1] < times[times.length - 1] / 30;
+  return times.length > 2 && times[times.length >> 1] < times[times.length - 1] / 15;
 }
 
 function startCurves() {
