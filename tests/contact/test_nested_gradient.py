@@ -158,7 +158,7 @@ def test_a_residual_counts_wherever_it_is(place):
     p, gap, h = np.zeros(530), np.ones(530), np.ones(530)
     p[place], gap[place] = 2.0, 0.5
     assert extent(0, 530, 0.0, None, h, p, gap)[1][0] == 2.0
-    assert settle(0, 530, 1.0, 1.0, 0.0, None, h, p, gap, h.copy(), None)[1][0] == 0.5
+    assert settle(0, 530, 1.0, 1.0, 0.0, h, p, gap, h.copy())[1][0] == 0.5
 
 
 def film(points=(1024,), base=0.002):
