@@ -242,15 +242,22 @@ def answer(cycle: Cycle, r: Any, z: Any) -> None:
 
 @kernel(reorder=True)
 def correlate(
-    first: int, end: int, per_unit: float, r: Any, last: Any, z: Any, d: Any
+    first: int, end: int, per_unit: float, one: Any, r: Any, last: Any, z: Any, d: Any
 ) -> tuple[tuple[float, ...], tuple[float]]:
     """Take an answer z out of its unit; return the sums that `precondition` returns, `last` is the last r."""
-    sums, per = np.zeros(8), np.float32(per_unit)
+    # And with a field `one` those of one r and one r_last.
+    sums, per = np.zeros(10), np.float32(per_unit)
     for begin in range(first, end, LANES):
         stop = min(begin + LANES, end)
         rs, zs, ds, lasts = r[begin:stop], z[begin:stop], d[begin:stop], last[begin:stop]
         count, total, pull, along = _NONE, _NONE, _NONE, _NONE
         across, before, memory, mean = _NONE, _NONE, _NONE, _NONE
+        now, then = _NONE, _NONE
+        if one is not None:
+            ones = one[begin:stop]
+            for i in range(rs.size):
+                now += ones[i] * rs[i]
+                then += ones[i] * lasts[i]
         for i in range(rs.size):
             zs[i] *= per
         for i in range(rs.size):
@@ -265,7 +272,9 @@ def correlate(
             mean += inside * ds[i]
         for k, some in enumerate((count, total, pull, along, across, before, memory, mean)):
             sums[k] += float(some)
-    return (sums[0], sums[1], sums[2], sums[3], sums[4], sums[5], sums[6], sums[7]), (0.0,)
+        sums[8], sums[9] = sums[8] + float(now), sums[9] + float(then)
+    most = (sums[0], sums[1], sums[2], sums[3], sums[4], sums[5], sums[6], sums[7])
+    return (*most, sums[8], sums[9]), (0.0,)
 
 
 @kernel(reorder=True, borrows=True)
@@ -745,7 +754,7 @@ class GridLevel:
                     self._lifted = self.grid.sums.total(float(self.one.sum()))
             answer(self._cycle, self.r, self._answer)
             self.z, self._answer = self._answer, self.z
-            fields = self.r, self._answer, self.z, self.d
+            fields = self.one, self.r, self._answer, self.z, self.d
             return self.parallel(correlate, 1.0 / self._cycle.unit, *fields)[0]
         r = self.r.reshape(-1, self.grid.shape[-1])
         beside = self.grid.halo(r, REACH, REACH)
@@ -869,11 +878,12 @@ class Search:
     def _direct(self) -> None:
         """Write the next direction."""
         on, at = self._on, self.at
-        count, total, pull, along, across, last, memory, mean = on.precondition()
+        count, total, pull, along, across, last, memory, mean, *by_one = on.precondition()
         # Under a given sum z has no mean, or no sum by M 1, and r no mean that counts.
         centred = at.total is not None and count
         excess, common = (total / on.lifted(count), pull / count) if centred else (0.0, 0.0)
-        product, change = along - excess * pull, across - excess * last
+        now, then = by_one if on.one is not None else (pull, last)
+        product, change = along - excess * now, across - excess * then
         beta = max((product - change) / self._product, 0.0) if self._product > 0 else 0.0
         if product + beta * (memory - common * mean) <= 0:
             beta = 0.0
