@@ -523,7 +523,7 @@ def settle_gap(
             us[i] = hs[i] - apart[i]
             pressing = found[i] - level
             pressing = most if (pressing > most) | (apart[i] < 0.0) else pressing
-            ps[i] = pressing if pressing * per_pressure > apart[i] * per_gap else 0.0
+            ps[i] = 0.0 if pressing * per_pressure <= apart[i] * per_gap else pressing  # NaN stays
         for i in range(ps.size):  # see `kernels.FASTMATH`: sums beside what is written may change their bits
             pressing, over = found[i] - level, (found[i] - level - most) * per_pressure
             off = violation(pressing, apart[i], per_pressure, per_gap)
