@@ -61,8 +61,8 @@ def solve(method, problem, shape=None, tolerance=1e-6, limit=20_000, start=None)
     return solver.solve(problem, np.zeros(size) if start is None else start, tolerance, limit)
 
 
-def assert_consistent(found, problem, shape=None):
-    """Everything in a solution, converged or not, follows from its displacement."""
+def assert_consistent(found, problem, shape=None, within=0.0):
+    """Everything in a solution, converged or not, follows from its displacement; pressures within a part."""
     u, h, size = found.displacement, problem.obstacle, problem.obstacle.size
     gap, shape, kappa, largest = h - u, shape or (size,), problem.stiffness, np.abs(found.pressure).max()
     spectrum = np.fft.rfftn(u.reshape(shape))
@@ -76,18 +76,18 @@ def assert_consistent(found, problem, shape=None):
     stress = problem.intercept - kappa * spectrum.ravel()
     force = np.fft.irfftn(stress.reshape(spectrum.shape), s=shape, axes=tuple(range(spectrum.ndim))).ravel()
     multiplier = found.pressure - force
-    assert np.ptp(multiplier) <= rounding * kappa.max() / lowest
+    assert np.ptp(multiplier) <= rounding * kappa.max() / lowest + 2.0 * within * largest
     if problem.mean_is_fixed:
         assert abs(u.mean()) <= 1e-14 * max(np.abs(u).max(), np.abs(h).max())
     elif problem.mean_pressure is None:
-        np.testing.assert_allclose(multiplier, 0, atol=rounding)
+        np.testing.assert_allclose(multiplier, 0, atol=rounding + within * largest)
     else:
         np.testing.assert_allclose(found.pressure.mean(), problem.mean_pressure, rtol=1e-12)
     np.testing.assert_allclose(found.mean_pressure, found.pressure.mean(), atol=1e-15 * size * largest)
     depth = max(u.mean(), 0.0) - u.min()
     pressure_scale = max(found.pressure.max(), 1e-3 * problem.kappa_1 * depth)
     worst = np.abs(np.minimum(found.pressure / pressure_scale, gap / depth)).max()
-    np.testing.assert_allclose(found.residual, worst, rtol=1e-6, atol=1e-15)
+    np.testing.assert_allclose(found.residual, worst, rtol=1e-6, atol=max(within, 1e-15))
 
 
 def solved(method, problem, **given):
@@ -238,7 +238,7 @@ def test_what_is_not_a_number_is_never_an_answer(where, load, method):
     if where == "start" and not is_fire:  # a guess of pressures or gaps decides nothing
         assert found.converged
         if not problem.interface.attracts:
-            assert_consistent(found, problem)
+            assert_consistent(found, problem, within=1e-6 if method is NestedGradient else 0.0)
     else:
         assert not found.converged
         assert not found.residual <= 1e-6

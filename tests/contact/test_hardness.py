@@ -1,6 +1,7 @@
 """Contact pressures that end at a hardness, and the imprint that they leave."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -67,10 +68,10 @@ def test_pressure_gap_and_imprint_satisfy_the_conditions_of_plasticity():
     assert overlap[p < hardness].max() <= 1e-12 * depth  # rounding: the surface was lifted clear
     assert np.minimum(p / scale, -overlap / depth).max() <= TOLERANCE
     np.testing.assert_allclose(found.flow, np.where(p == hardness, np.maximum(overlap, 0), 0), atol=1e-15)
-    # The pressure is the force of the displacement: one transform back and forth, of pressures up to H.
+    # The pressure is the force of the displacement, within the residual.
     waves = case.transforms.forward(u)
     force = case.transforms.backward((problem.intercept - problem.stiffness * waves) / u.size) + p.mean()
-    np.testing.assert_allclose(force, p, atol=1e-12)
+    np.testing.assert_allclose(force, p, atol=TOLERANCE * scale)
     assert found.flow.max() > 0.01 * depth
     # Under the same load again there is nothing left to flow.
     case.contact.imprint.remember(found)
@@ -107,6 +108,39 @@ def test_a_dense_bounded_problem_has_the_same_pressures():
     assert 0 < np.count_nonzero(found.pressure == hardness) < np.count_nonzero(found.pressure > 0) < n
     depth = residual_scales(found.pressure, found.displacement, problem.residual_floor)[1]
     np.testing.assert_allclose(found.pressure, dense.x, atol=kappa.max() * depth * TOLERANCE * n**0.5)
+
+
+@pytest.mark.parametrize("points", [(64, 64), (1024,)])
+@pytest.mark.parametrize("contrast", [1.0, 20.0])
+def test_rough_contact_yields_in_the_iterations_of_an_elastic_one(points, contrast):
+    """At a given load or depth; the conditions of the minimum, which is unique, by the displacement alone."""
+    # But for those that a second edge costs, of the part that yields: at most as many as conjugate gradients
+    # of condition 4 (test_cycle) take from 1e-2, the residual on coarser grids, to 1e-6, 9.
+    film = {"model": "zener", "G0": 0.25 * contrast, "Ginf": 0.25 * contrast + 1e-6}
+    case = Case(config(None, grid={"points": points}, layer={"thickness": 0.02, "material": film}))
+    kappa, start = np.array(case.contact.history.terms(1.0)[0]), np.zeros(case.punch.size)
+    kappa[0], tolerance = 0.0, 1e-6
+    solver = NestedGradient(case.transforms, case.grid)
+    elastic = Problem(kappa, 0j * kappa, case.punch, 0.02, height=float(np.ptp(case.punch)))
+    loaded = replace(elastic, hardness=0.3 * float(solver.solve(elastic, start, tolerance).pressure.max()))
+    lowered = case.punch - solver.solve(loaded, start, tolerance).displacement.mean()
+    for problem in (loaded, replace(loaded, obstacle=lowered, mean_pressure=None)):
+        found = solver.solve(problem, start, tolerance)
+        without = solver.solve(replace(problem, hardness=math.inf), start, tolerance)
+        assert found.converged
+        assert found.iterations <= without.iterations + 9
+        assert found.flow is not None
+        p, u, hardness = found.pressure, found.displacement, problem.hardness
+        stress = -case.transforms.backward(kappa * case.transforms.forward(u)) / u.size
+        stress += problem.mean_pressure or -stress[found.gap > 0].mean()
+        gap, scale = problem.obstacle - u, tolerance * hardness
+        assert (gap < 0).any()
+        np.testing.assert_allclose(stress[gap > 0], 0.0, atol=scale)
+        np.testing.assert_allclose(stress[gap < 0], hardness, atol=scale)
+        assert stress.min() >= -scale
+        assert stress.max() <= hardness + scale
+        np.testing.assert_allclose(p, stress, atol=2 * scale)
+        np.testing.assert_allclose(found.flow, np.maximum(-gap, 0.0), atol=1e-15)
 
 
 def test_a_sphere_yields_at_the_load_of_hertz():

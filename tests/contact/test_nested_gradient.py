@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import gfmdlayer
 from gfmdlayer.case.case import Case
 from gfmdlayer.case.model import simulate
 from gfmdlayer.config import Config
@@ -20,6 +21,7 @@ from gfmdlayer.contact.residual import assess, residual_scales
 from gfmdlayer.contact.stencil import stencil
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.grid.transforms import Transforms
+from gfmdlayer.punch.self_affine import SelfAffine
 from tests.recordings import Kept
 
 TOLERANCE = 1e-6
@@ -158,7 +160,7 @@ def test_a_residual_counts_wherever_it_is(place):
     p, gap, h = np.zeros(530), np.ones(530), np.ones(530)
     p[place], gap[place] = 2.0, 0.5
     assert extent(0, 530, 0.0, None, h, p, gap)[1][0] == 2.0
-    assert settle(0, 530, 1.0, 1.0, 0.0, None, h, p, gap, h.copy(), None)[1][0] == 0.5
+    assert settle(0, 530, 1.0, 1.0, 0.0, h, p, gap, h.copy())[1][0] == 0.5
 
 
 def film(points=(1024,), base=0.002):
@@ -180,16 +182,35 @@ def film(points=(1024,), base=0.002):
     return case, Problem(stiffness, np.zeros(stiffness.size, complex), case.punch, -0.3 * full.min())
 
 
+@pytest.mark.parametrize("points", [(64, 64), (1024,)])
 @pytest.mark.parametrize("depth_given", [False, True])
-def test_a_stiff_film_under_a_surface_takes_few_iterations(depth_given):
+def test_a_stiff_film_takes_few_iterations(points, depth_given):
     """Of gaps, with a cycle that bends as the film does: by pressures it takes hundreds, or never ends."""
-    case, problem = film((64, 64))
+    # The eigenvalues of M K on the open points are within .16 and 1.06 (dense, on 32 x 32 points): the error
+    # falls by .43 an iteration, in 12 from 1e-2 to .8e-6. From 1 to 1e-2 points join and leave most times.
+    case, problem = film(points)
     assert form_of(case.grid, problem.stiffness) == SearchForm(gaps=True, cycle=True)
     if depth_given:
         found = solved(case, problem)
         problem = replace(problem, obstacle=case.punch - found.displacement.mean(), mean_pressure=None)
-    assert check(case, problem) <= 40
-    assert solved(case, problem).transforms <= 25
+    assert check(case, problem) <= 24
+
+
+def test_directions_on_a_thin_incompressible_layer_are_conjugate():
+    """Under a given load, where the answers of a cycle lose their mean by M 1: 22 iterations."""
+    # Steepest descent, which is left where the products of centred answers are wrong, takes 44.
+    grid, transforms = Grid((512, 512), (1.0, 1.0)), Transforms((512, 512))
+    q = np.ravel(grid.wavenumbers)
+    kappa, layer = np.zeros(q.size), gfmdlayer.bonded_layer(0.005, 1.0, poisson=0.5, halfspace=math.inf)
+    kappa[q > 0] = layer.stiffness(q[q > 0], 0.0)
+    assert form_of(grid, kappa) == SearchForm(gaps=False, cycle=True)
+    punch = SelfAffine(hurst=0.8, rms_slope=0.1, short_cutoff=1 / 128, roll_off=1 / 8, seed=1)
+    h = np.ravel(punch.heights(grid))
+    full = -float(transforms.backward(kappa * transforms.forward(h)).min()) / h.size
+    problem = Problem(kappa, 0j * kappa, h, 0.2 * full)
+    found = NestedGradient(transforms, grid).solve(problem, np.zeros(grid.size), TOLERANCE)
+    assert found.converged
+    assert found.iterations <= 30
 
 
 def test_the_form_follows_the_stiffness():

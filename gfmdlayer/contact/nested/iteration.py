@@ -18,9 +18,10 @@ A step that ends pressures is taken as a whole if the lowest energy is near its 
 only come close to leaving. A preconditioned step that was clipped need not descend: it is then tried without
 the points that it lets go, and at last along r.
 
-Pressures may end at a hardness H too, the cap. C then holds the points with 0 < p < H, those with p = 0 that
-overlap and those with p = H whose gap is open; Proj finds pressures from 0 to H. The level is the mean over
-0 < p < H, after the step, and the whole pressure is not scaled: points at the cap stay there.
+With gaps as unknowns pressures may end at a hardness H too: the energy has H max(-gap, 0) beside it, and the
+gap is negative where the surfaces yield. C then holds the open points, those that yield and those with a gap
+of zero whose pressure is below 0 or above H. r counts from H where a point yields, or is about to. No step
+takes a gap beyond zero.
 """
 
 from __future__ import annotations
@@ -33,6 +34,7 @@ from itertools import pairwise
 from math import prod
 from typing import Any, NamedTuple
 
+import numba as nb
 import numpy as np
 
 from gfmdlayer.arrays import ComplexArray, FloatArray
@@ -66,8 +68,8 @@ from gfmdlayer.kernels import LANES, filled, in_python, kernel, maximum
 # values are kept side by side, and written from one array into another: stores under a condition are slow.
 # Both arrays count at the end, as the last block may be a short one.
 #
-# `cap` is the largest pressure, the hardness, or None without one: kernels are compiled for either, and those
-# without a cap have no trace of it.
+# `limit` is the largest y, the hardness where gaps are the unknowns, or None: kernels are compiled for
+# either, and those without a limit have no trace of it.
 
 _GONE = 1e-6  # part of a pressure that is left by rounding in single precision where it was to vanish
 _MEMBER = np.float32(1e-37)  # r of a point of C whose gap is exactly right
@@ -87,18 +89,18 @@ class Move(NamedTuple):
 
 @kernel(reorder=True, borrows=True)
 def advance(
-    first: int, end: int, move: Move, cap: Any, x: Any, y: Any, y0: Any, step: Any, change: Any, r: Any
-) -> tuple[tuple[float, float, float, float], tuple[float, float]]:
+    first: int, end: int, move: Move, limit: Any, x: Any, y: Any, y0: Any, step: Any, change: Any, r: Any
+) -> tuple[tuple[float, float, float], tuple[float, float]]:
     """Take a step, and write r = level - y on the new C; under a given sum of x, y counts from the level."""
-    # Returns sums of x, of x y, of x y0 or, without a y0, of r, and of x again; the largest x and y together,
-    # and the largest -y, both in the residual's scales. With a cap, the sum of x y and the last sum are over
-    # the x below it.
+    # Returns sums of x, of x y and of x y0 or, without a y0, of r; the largest x and y together, and the
+    # largest -y, both in the residual's scales. Where x < 0, y counts from the limit, and any difference is
+    # an error, as the limit is what the solution has there.
     real = x.dtype.type
     length, gone, none = real(move.length), real(_GONE), real(0.0)
     shift, aim = real(move.level if move.centred else 0.0), real(0.0 if move.centred else move.level)
     per_x, per_r = np.float32(move.per_x), np.float32(-move.per_y)
-    most = real(0.0 if cap is None else cap)
-    load, weighted, free, inner = 0.0, 0.0, 0.0, 0.0
+    most = real(0.0 if limit is None else limit)
+    load, weighted, free = 0.0, 0.0, 0.0
     opened, below = filled(LANES, _NONE), filled(LANES, _NONE)
     wider, deeper = filled(LANES, _NONE), filled(LANES, _NONE)
     for begin in range(first, end, LANES):
@@ -107,43 +109,52 @@ def advance(
         steps, changes = step[begin:stop], change[begin:stop]
         for i in range(xs.size):
             now = xs[i] + length * steps[i]
-            if cap is not None:
-                now = now if most - now > gone * (most - xs[i]) else most
-            xs[i] = now if now > gone * xs[i] else none
+            if limit is None:
+                xs[i] = now if now > gone * xs[i] else none
+            else:
+                xs[i] = now if abs(now) > gone * abs(xs[i]) else none
             ys[i] += length * changes[i] - shift
         if y0 is not None:
             free += _scale(real(move.scale), xs, ys, y0[begin:stop])
-        total, product, part = none, none, none
+        total, product = none, none
         for i in range(xs.size):
             pull = np.float32(aim - ys[i])
+            if limit is not None:
+                pull = np.float32(aim + most - ys[i]) if _yields(xs[i], ys[i] - aim, most) else pull
             inside = pull if pull != _NONE else _MEMBER
-            rs[i] = inside if (xs[i] > none) | (pull > _NONE) else _NONE
             total += xs[i]
-            if cap is None:
+            if limit is None:
+                rs[i] = inside if (xs[i] > none) | (pull > _NONE) else _NONE
                 product += xs[i] * ys[i]
             else:
-                rs[i] = rs[i] if (xs[i] < most) | (pull < _NONE) else _NONE
-                between = xs[i] if xs[i] < most else none
-                part += between
-                product += between * ys[i]
+                member = (xs[i] != none) | (pull > _NONE) | (ys[i] - aim > most)
+                rs[i] = inside if member else _NONE
+                product += xs[i] * (ys[i] - most if xs[i] < none else ys[i])
         load += total
         weighted += product
-        inner += part
         if y0 is None:
             pulls = _NONE
             for i in range(rs.size):
                 pulls += rs[i]
             free += float(pulls)
         for i in range(xs.size):
-            press, apart = np.float32(xs[i]) * per_x, rs[i] * per_r
+            press, apart, under = np.float32(xs[i]) * per_x, rs[i] * per_r, rs[i]
+            if limit is not None:
+                under = abs(under) if (xs[i] < none) | ((xs[i] == none) & (under < _NONE)) else under
             off = press if press < apart else apart
             wider[i] = off if off > opened[i] else opened[i]
-            deeper[i] = rs[i] if rs[i] > below[i] else below[i]
+            deeper[i] = under if under > below[i] else below[i]
         opened, below, wider, deeper = wider, deeper, opened, below
-    return (load, weighted, free, load if cap is None else inner), (
+    return (load, weighted, free), (
         float(max(maximum(opened), maximum(wider))),
         max(maximum(below), maximum(deeper)) * move.per_y,
     )
+
+
+@nb.njit(inline="always")
+def _yields(x: Any, y: Any, most: Any) -> Any:
+    """Whether a point yields, or is about to."""
+    return (x < 0) | ((x == 0) & (y > most))
 
 
 @kernel(reorder=True, inner=True, borrows=True)
@@ -231,15 +242,22 @@ def answer(cycle: Cycle, r: Any, z: Any) -> None:
 
 @kernel(reorder=True)
 def correlate(
-    first: int, end: int, per_unit: float, r: Any, last: Any, z: Any, d: Any
+    first: int, end: int, per_unit: float, one: Any, r: Any, last: Any, z: Any, d: Any
 ) -> tuple[tuple[float, ...], tuple[float]]:
     """Take an answer z out of its unit; return the sums that `precondition` returns, `last` is the last r."""
-    sums, per = np.zeros(8), np.float32(per_unit)
+    # And with a field `one` those of one r and one r_last.
+    sums, per = np.zeros(10), np.float32(per_unit)
     for begin in range(first, end, LANES):
         stop = min(begin + LANES, end)
         rs, zs, ds, lasts = r[begin:stop], z[begin:stop], d[begin:stop], last[begin:stop]
         count, total, pull, along = _NONE, _NONE, _NONE, _NONE
         across, before, memory, mean = _NONE, _NONE, _NONE, _NONE
+        now, then = _NONE, _NONE
+        if one is not None:
+            ones = one[begin:stop]
+            for i in range(rs.size):
+                now += ones[i] * rs[i]
+                then += ones[i] * lasts[i]
         for i in range(rs.size):
             zs[i] *= per
         for i in range(rs.size):
@@ -254,13 +272,15 @@ def correlate(
             mean += inside * ds[i]
         for k, some in enumerate((count, total, pull, along, across, before, memory, mean)):
             sums[k] += float(some)
-    return (sums[0], sums[1], sums[2], sums[3], sums[4], sums[5], sums[6], sums[7]), (0.0,)
+        sums[8], sums[9] = sums[8] + float(now), sums[9] + float(then)
+    most = (sums[0], sums[1], sums[2], sums[3], sums[4], sums[5], sums[6], sums[7])
+    return (*most, sums[8], sums[9]), (0.0,)
 
 
 @kernel(reorder=True, borrows=True)
 def direct(
-    first: int, end: int, excess: float, memory: float, length: float, shift: float, cap: Any, x: Any, r: Any,
-    z: Any, one: Any, d: Any, step: Any,
+    first: int, end: int, excess: float, memory: float, length: float, shift: float, limit: Any, x: Any,
+    r: Any, z: Any, one: Any, d: Any, step: Any,
 ) -> tuple[tuple[float, float, float, float], tuple[float]]:  # fmt: skip
     """Write the direction d = z - excess + memory d on C, and do what `project` does."""
     # With a field `one`, so many times of it are in excess.
@@ -278,58 +298,51 @@ def direct(
             for i in range(ds.size):
                 along = zs[i] - less * ones[i] + part * ds[i]
                 ds[i] = along if rs[i] != _NONE else _NONE
-        sums = _project(length, shift, cap, x[begin:stop], rs, ds, step[begin:stop])
+        sums = _project(length, shift, limit, x[begin:stop], rs, ds, step[begin:stop])
         total, count, slope, ended = total + sums[0], count + sums[1], slope + sums[2], ended + sums[3]
     return (total, count, slope, ended), (0.0,)
 
 
 @kernel(reorder=True, borrows=True)
 def project(
-    first: int, end: int, length: float, shift: float, cap: Any, x: Any, r: Any, d: Any, step: Any
+    first: int, end: int, length: float, shift: float, limit: Any, x: Any, r: Any, d: Any, step: Any
 ) -> tuple[tuple[float, float, float, float], tuple[float]]:
-    """Write the step to max(x + length d - shift, 0) on C, and to 0 outside; with a cap, up to the cap."""
-    # Returns the sum of the new pressures, the number of those that depend on the shift, the sum of r step,
-    # and the number of pressures that it ends at 0 or at the cap.
+    """Write the step to max(x + length d - shift, 0) on C, and to 0 outside; to min where x is below 0."""
+    # Returns the sum of the new x, the number of those that depend on the shift, the sum of r step, and the
+    # number of x that it ends at 0.
     total, count, slope, ended = 0.0, 0.0, 0.0, 0.0
     for begin in range(first, end, LANES):
         stop = min(begin + LANES, end)
-        sums = _project(length, shift, cap, x[begin:stop], r[begin:stop], d[begin:stop], step[begin:stop])
+        sums = _project(length, shift, limit, x[begin:stop], r[begin:stop], d[begin:stop], step[begin:stop])
         total, count, slope, ended = total + sums[0], count + sums[1], slope + sums[2], ended + sums[3]
     return (total, count, slope, ended), (0.0,)
 
 
 @kernel(reorder=True, inner=True, borrows=True)
 def _project(
-    length: float, shift: float, cap: Any, x: Any, r: Any, d: Any, step: Any
+    length: float, shift: float, limit: Any, x: Any, r: Any, d: Any, step: Any
 ) -> tuple[Any, Any, Any, Any]:
     real = x.dtype.type
-    some, less, none, most = real(length), real(shift), real(0.0), real(0.0 if cap is None else cap)
+    some, less, none = real(length), real(shift), real(0.0)
     total, count, slope, ended = none, _NONE, _NONE, _NONE
     for i in range(x.size):
         now = x[i] + some * d[i] - less
-        now = now if (r[i] != _NONE) & (now > none) else none
-        if cap is None:
-            count += _ONE if now > none else _NONE
-        else:
-            now = now if now < most else most
-            now = most if (r[i] == _NONE) & (x[i] >= most) else now
-            count += _ONE if (now > none) & (now < most) else _NONE
-            ended += _ONE if (now >= most) & (x[i] < most) else _NONE
+        kept = now > none
+        if limit is not None:
+            kept = now < none if (x[i] < none) | ((x[i] == none) & (r[i] < _NONE)) else kept
+        now = now if (r[i] != _NONE) & kept else none
+        count += _ONE if now != none else _NONE
         total += now
-        ended += _ONE if (now <= none) & (x[i] > none) else _NONE
+        ended += _ONE if (now == none) & (x[i] != none) else _NONE
         step[i] = np.float32(now - x[i])
         slope += r[i] * step[i]
     return total, count, slope, ended
 
 
 @kernel(reorder=True, borrows=True)
-def respond(
-    first: int, end: int, cap: Any, x: Any, step: Any, change: Any
-) -> tuple[tuple[float, float], tuple[float]]:
+def respond(first: int, end: int, x: Any, step: Any, change: Any) -> tuple[tuple[float, float], tuple[float]]:
     """Return the sums of step B step and x B step; the fastest relative fall of an x along the step."""
-    # With a cap, the distance of an x from the cap falls too.
     none, one = x.dtype.type(0.0), x.dtype.type(1.0)
-    most = x.dtype.type(0.0 if cap is None else cap)
     curvature, across, falls, faster = 0.0, 0.0, filled(LANES, none), filled(LANES, none)
     for begin in range(first, end, LANES):
         stop = min(begin + LANES, end)
@@ -338,10 +351,8 @@ def respond(
         for i in range(xs.size):
             along += steps[i] * changes[i]
             aside += xs[i] * changes[i]
-            fall = -steps[i] / (xs[i] if xs[i] > none else one)
-            if cap is not None:
-                rise = steps[i] / (most - xs[i] if xs[i] < most else one)
-                fall = fall if fall > rise else rise
+            fall = -steps[i] / (xs[i] if xs[i] != none else one)
+            fall = fall if xs[i] != none else none
             faster[i] = fall if fall > falls[i] else falls[i]
         curvature, across = curvature + float(along), across + float(aside)
         falls, faster = faster, falls
@@ -354,7 +365,7 @@ def extent(
 ) -> tuple[tuple[float, float, float], tuple[float, float, float, float]]:
     """Write the gap h - u in the place of an unnormalised u, unless ``per_point`` is zero."""
     # Returns the sums of p, of p gap and of u = h - gap; the largest pressure, -u, -gap and gap. With a cap,
-    # the first two sums and the largest -gap are over the pressures below it.
+    # the first two sums are over the pressures below it.
     load, weighted, total = 0.0, 0.0, 0.0
     largest, depth, overlap = filled(LANES, 0.0), filled(LANES, -np.inf), filled(LANES, -np.inf)
     larger, deeper, lower = filled(LANES, 0.0), filled(LANES, -np.inf), filled(LANES, -np.inf)
@@ -376,8 +387,6 @@ def extent(
             total += hs[i] - gaps[i]
         for i in range(hs.size):
             press, below, above = ps[i], gaps[i] - hs[i], -gaps[i]
-            if cap is not None:
-                above = above if ps[i] < cap else -np.inf
             larger[i] = press if press > largest[i] else largest[i]
             deeper[i] = below if below > depth[i] else depth[i]
             lower[i] = above if above > overlap[i] else overlap[i]
@@ -418,44 +427,50 @@ def press(
 
 @kernel(reorder=True, borrows=True)
 def open_up(
-    first: int, end: int, level: float, p: FloatArray, gap: FloatArray
+    first: int, end: int, level: float, most: float, least: float, p: FloatArray, gap: FloatArray
 ) -> tuple[tuple[float, float], tuple[float]]:
-    """Return the sums of the gap, and of the part of it that is admissible: open, without pressure."""
+    """Return the sums of the gap, and of the part of it that is admissible: see `_admissible`."""
     total, admissible = 0.0, 0.0
     for i in range(first, end):
         total += gap[i]
-        admissible += gap[i] - level if (gap[i] > level) & (p[i] <= 0.0) else 0.0
+        admissible += _admissible(p[i], gap[i] - level, most, least)
     return (total, admissible), (0.0,)
+
+
+@nb.njit(inline="always")
+def _admissible(p: float, gap: float, most: float, least: float) -> float:
+    """The gap where it is open and has no pressure, or below -`least` at the largest pressure."""
+    return gap if ((gap > 0.0) & (p <= 0.0)) | ((gap < -least) & (p >= most)) else 0.0
 
 
 @kernel(reorder=True, borrows=True)
 def depart(
-    first: int, end: int, level: float, factor: float, p: FloatArray, gap: FloatArray, step: Any
-) -> None:
+    first: int, end: int, level: float, factor: float, most: float, least: float, p: FloatArray,
+    gap: FloatArray, step: Any,
+) -> None:  # fmt: skip
     """Write the admissible part of the gap, times a factor, and what it adds to the gap."""
     for i in range(first, end):
         opening = gap[i] - level
-        now = factor * opening if (opening > 0.0) & (p[i] <= 0.0) else 0.0
+        now = factor * _admissible(p[i], opening, most, least)
         step[i] = np.float32(now - opening)
         gap[i] = now
 
 
 @kernel(borrows=True)
-def press_closed(first: int, end: int, level: float, gap: FloatArray, p: FloatArray) -> None:
-    """Write an admissible pressure: where the gap is closed, nowhere negative."""
+def press_closed(first: int, end: int, level: float, most: float, gap: FloatArray, p: FloatArray) -> None:
+    """Write an admissible pressure: where the gap is closed, from zero to the largest, where it yields."""
     for i in range(first, end):
-        pressure = p[i] - level
+        pressure = most if gap[i] < 0.0 else min(p[i] - level, most)
         p[i] = pressure if (gap[i] <= 0.0) & (pressure > 0.0) else 0.0
 
 
 @kernel(reorder=True, borrows=True)
 def settle(
-    first: int, end: int, per_pressure: float, per_gap: float, shift: float, cap: Any, h: FloatArray,
-    p: FloatArray, gap: FloatArray, u: FloatArray, flow: Any,
+    first: int, end: int, per_pressure: float, per_gap: float, shift: float, h: FloatArray, p: FloatArray,
+    gap: FloatArray, u: FloatArray,
 ) -> tuple[tuple[float, float, float, float], tuple[float, float]]:  # fmt: skip
     """Shift the gap by -``shift``, cut off overlap, and write u = h - gap."""
-    # With a cap, overlap at the cap is no error: `flow` gets it, and u has it. Returns number of points in
-    # contact, sums of p, gap and u; the residual and the overlap.
+    # Returns number of points in contact, sums of p, gap and u; the residual and the overlap.
     touching, load, gaps, mean = 0.0, 0.0, 0.0, 0.0
     worst, overlap = filled(LANES, 0.0), filled(LANES, 0.0)
     worse, deeper = filled(LANES, 0.0), filled(LANES, 0.0)
@@ -464,15 +479,10 @@ def settle(
         hs, ps, apart, us = h[begin:stop], p[begin:stop], gap[begin:stop], u[begin:stop]
         for i in range(ps.size):
             opening = apart[i] - shift
-            if cap is not None:
-                flow[begin + i] = -opening if (ps[i] >= cap) & (opening < 0.0) else 0.0
-                opening += flow[begin + i]
             deeper[i] = -opening if -opening > overlap[i] else overlap[i]
             apart[i] = 0.0 if opening < 0.0 else opening  # NaN stays
         for i in range(ps.size):
             us[i] = hs[i] - apart[i]
-            if cap is not None:
-                us[i] += flow[begin + i]
         for i in range(ps.size):  # see `kernels.FASTMATH`: sums beside what is written may change their bits
             gaps += apart[i]
             mean += us[i]
@@ -491,10 +501,11 @@ def settle(
 
 @kernel(reorder=True, borrows=True)
 def settle_gap(
-    first: int, end: int, per_pressure: float, per_gap: float, level: float, h: FloatArray, gap: FloatArray,
-    pressure: FloatArray, u: FloatArray, p: FloatArray,
+    first: int, end: int, per_pressure: float, per_gap: float, level: float, most: float, h: FloatArray,
+    gap: FloatArray, pressure: FloatArray, u: FloatArray, p: FloatArray,
 ) -> tuple[tuple[float, float, float, float], tuple[float]]:  # fmt: skip
     """Write u = h - gap, and the pressure less the level in contact alone; returns as `settle`."""
+    # Where the gap is negative the pressure is the largest.
     touching, load, gaps, mean, worst = 0.0, 0.0, 0.0, 0.0, filled(LANES, 0.0)
     for begin in range(first, end, LANES):
         stop = min(begin + LANES, end)
@@ -503,12 +514,15 @@ def settle_gap(
         for i in range(ps.size):
             us[i] = hs[i] - apart[i]
             pressing = found[i] - level
-            ps[i] = pressing if pressing * per_pressure > apart[i] * per_gap else 0.0
+            pressing = most if (pressing > most) | (apart[i] < 0.0) else pressing
+            ps[i] = 0.0 if pressing * per_pressure <= apart[i] * per_gap else pressing  # NaN stays
         for i in range(ps.size):  # see `kernels.FASTMATH`: sums beside what is written may change their bits
-            off = violation(found[i] - level, apart[i], per_pressure, per_gap)
+            pressing, over = found[i] - level, (found[i] - level - most) * per_pressure
+            off = violation(pressing, apart[i], per_pressure, per_gap)
+            off = abs(over) if (over > 0.0) | (apart[i] < 0.0) else off
             worst[i] = off if off > worst[i] else worst[i]
         for i in range(ps.size):
-            gaps += apart[i]
+            gaps += apart[i] if apart[i] > 0.0 else 0.0
             mean += us[i]
             load += ps[i]
             touching += 1.0 if ps[i] * per_pressure > apart[i] * per_gap else 0.0
@@ -572,7 +586,6 @@ _LONGEST, _LONGEST_CYCLED = 2.0, 4.0  # likewise, by a stencil and by a cycle
 _LET_GO = 0.8
 _LOAD = 1e-2  # relative error of the load that a projection may leave; the next one corrects it
 _PROJECTIONS = 60  # rounds of Newton's method at most
-_ROUNDING, _SUMMED = 1e-14, 800.0  # of a load; of a sum of pressures, in units of their rounding
 _PATIENCE, _PROGRESS = 40, 0.7  # iterations in which the residual has to fall below this part
 
 
@@ -599,19 +612,19 @@ class NestedFields:
     gap: FloatArray
     load: float | None  # sum of the pressure, where it is given
     cap: float | None = None  # largest pressure, where there is one
-    aim: float = 0.0  # gap that is aimed at in contact, as part of the scale of depth, where it is not
+    aim: float = 0.0  # gap that is aimed at in contact, as part of the scale of depth, where no load is given
     scales: tuple[float, float] = (1.0, 1.0)  # of pressure and depth in the residual
     level: float = 0.0  # gap in contact, weighted by the pressure, or the gap that is aimed at
 
     def unknowns(self) -> Complements:
         """The pressure as unknown."""
         gap0 = self.gap0 if self.load is None else None
-        return Complements(self.p, self.gap, self.load, self.scales, self.level, gap0, self.cap)
+        return Complements(self.p, self.gap, self.load, self.scales, self.level, gap0)
 
 
 @dataclass
 class Complements:
-    """What a search changes, x from 0 to the cap, and y = B x + c; pressure and gap, or gap and pressure."""
+    """What a search changes, x, and y = B x + c; pressure and gap, or gap and pressure."""
 
     x: Any
     y: Any
@@ -619,8 +632,8 @@ class Complements:
     scales: tuple[float, float]  # of x and y in the residual
     level: float = 0.0  # of y where x > 0, weighted by x, or the y that is aimed at
     y0: Any = None  # y without x, where the whole of x is scaled
-    cap: float | None = None
-    load: float = np.inf  # sum of y, of which points with an open gap have a small part only
+    limit: float | None = None  # of y, beyond which x is below zero; without it x is not
+    load: float = np.inf  # sum of y where x is zero, beside which that of its errors elsewhere is small
 
 
 class SearchForm(NamedTuple):
@@ -636,11 +649,12 @@ class SearchForm(NamedTuple):
 _RISE, _FALL = 0.5, 100.0
 
 
-def form_of(grid: Grid, stiffness: FloatArray) -> SearchForm:
-    """Return the form of a search for a stiffness, one value a mode."""
+def form_of(grid: Grid, stiffness: FloatArray, *, yields: bool = False) -> SearchForm:
+    """Return the form of a search for a stiffness, one value a mode; pressures that end need gaps."""
     rise, fall = rise_and_fall(grid, stiffness)
     line = len(grid.points) == 1
-    gaps = rise >= max(RISE, 0.0 if line else _RISE * min(grid.points) / 2) and fall <= FALL
+    enough = 0.0 if yields else max(RISE, 0.0 if line else _RISE * min(grid.points) / 2)
+    gaps = rise >= enough and fall <= FALL
     return SearchForm(gaps, cycle=gaps or (fall > _FALL and not line))
 
 
@@ -728,7 +742,7 @@ class GridLevel:
                     self._lifted = self.grid.sums.total(float(self.one.sum()))
             answer(self._cycle, self.r, self._answer)
             self.z, self._answer = self._answer, self.z
-            fields = self.r, self._answer, self.z, self.d
+            fields = self.one, self.r, self._answer, self.z, self.d
             return self.parallel(correlate, 1.0 / self._cycle.unit, *fields)[0]
         r = self.r.reshape(-1, self.grid.shape[-1])
         beside = self.grid.halo(r, REACH, REACH)
@@ -741,19 +755,10 @@ class GridLevel:
         (load, weighted, total), extrema = self.parallel(extent, per_point, at.cap, *arrays)
         reached = FieldExtent(total / self.grid.size, *extrema)
         if at.load is not None:
-            middle = 0.0 if at.cap is None or load > 0 else self.middle(at.p, at.gap, at.cap)
-            at.level = weighted / load if load > 0 else middle
+            at.level = weighted / load if load > 0 else 0.0
         at.scales = self.scales(reached, at.level)
         at.level = at.aim * at.scales[1] if at.load is None else at.level
         return reached
-
-    def middle(self, p: Any, gap: Any, cap: float) -> float:
-        """Gap between those at the cap and those without pressure, where all points are either."""
-        capped = p >= cap
-        highest = self.grid.sums.maximum(float(gap.max(initial=-np.inf, where=capped)))
-        lowest = self.grid.sums.minimum(float(gap.min(initial=np.inf, where=~capped)))
-        finite = [gap for gap in (highest, lowest) if np.isfinite(gap)]
-        return sum(finite) / max(len(finite), 1)
 
     def scales(self, extent: FieldExtent, level: float) -> tuple[float, float]:
         """Scales of pressure and depth, where the gap counts from a level."""
@@ -761,14 +766,14 @@ class GridLevel:
         return in_python(scales)(extent.pressure, depth, self.floor)
 
     def set_load(self, at: NestedFields) -> bool:
-        """Scale the pressure to the given load; return whether there is any pressure, and can be as much."""
-        if at.cap is not None:
-            return self._set_capped(at, at.cap)
+        """Scale the pressure to the given load, but no further than the cap; return whether there is any."""
         total = self.grid.sums.total(float(at.p.sum()))
         if not 0.0 < total < np.inf:
             return False
         if at.load is not None and total != at.load:
             at.p *= at.load / total
+        if at.cap is not None:
+            np.minimum(at.p, at.cap, out=at.p)
         return True
 
     def set_sum(self, at: NestedFields) -> bool:
@@ -787,31 +792,15 @@ class GridLevel:
         opened = None
         at.level = 0.0
         if self.one is not None:
-            opened = self.grid.sums.total(float(at.gap.sum()))
-            at.level = weighted / opened
-        scales = self.scales(reached._replace(pressure=reached.pressure - at.level), 0.0)
+            opened, yields = self.grid.sums.total(np.array([at.gap.sum(), np.minimum(at.gap, 0.0).sum()]))
+            at.level = (weighted - (at.cap or 0.0) * yields) / opened
+        largest = min(reached.pressure - at.level, np.inf if at.cap is None else at.cap)
+        scales = self.scales(reached._replace(pressure=largest), 0.0)
         load = np.inf if at.load is None else at.load
-        return Complements(at.gap, at.p, opened, scales[::-1], at.level, load=load)
-
-    def _set_capped(self, at: NestedFields, cap: float) -> bool:
-        """Cut the pressure off at the cap; scale the rest, or else all, to the given load; see `set_load`."""
-        np.minimum(at.p, cap, out=at.p)
-        for _ in range(_PROJECTIONS):
-            below = at.p < cap
-            parts = float(at.p[below].sum()), cap * float(np.count_nonzero(~below))
-            inner, capped = self.grid.sums.total(np.array(parts)).tolist()
-            if at.load is None or not 0.0 < inner + capped < np.inf:
-                return bool(0.0 < inner + capped < np.inf)
-            if abs(inner + capped - at.load) <= _ROUNDING * at.load:
-                return True
-            if inner > 0.0 and capped < at.load:
-                factor = (at.load - capped) / inner
-            elif inner + capped > at.load:
-                factor, below = at.load / (inner + capped), np.ones_like(below)
-            else:
-                return False
-            at.p[below] = np.minimum(factor * at.p[below], cap)
-        return True
+        if at.load is not None and at.cap is not None:  # of which those that yield bear a known part
+            borne = at.cap * self.grid.sums.total(int(np.count_nonzero(at.gap < 0.0)))
+            load = load - borne if borne < load else load
+        return Complements(at.gap, at.p, opened, scales[::-1], at.level, limit=at.cap, load=load)
 
     def add_response(self, at: NestedFields) -> None:
         """Write the gap of the pressure, from the gap without it, in single precision."""
@@ -854,8 +843,9 @@ class Search:
         self._direct()
         self._project()
         if not self._slope > 0:
-            on, ends = self._on, self.at.x + np.float64(self._alpha) * self._on.d <= 0.0
-            on.r[ends & (on.r < 0.0)] = 0.0  # points whose x it would end and whose y is positive leave
+            on, x = self._on, self.at.x
+            ends = x * (x + np.float64(self._alpha) * on.d) <= 0.0
+            on.r[ends & (x * on.r < 0.0)] = 0.0  # points whose x it would end and whose y holds them leave
             self._alpha, self._product = min(self._alpha, 1.0), 0.0
             self._direct()
             self._project()
@@ -876,11 +866,12 @@ class Search:
     def _direct(self) -> None:
         """Write the next direction."""
         on, at = self._on, self.at
-        count, total, pull, along, across, last, memory, mean = on.precondition()
+        count, total, pull, along, across, last, memory, mean, *by_one = on.precondition()
         # Under a given sum z has no mean, or no sum by M 1, and r no mean that counts.
         centred = at.total is not None and count
         excess, common = (total / on.lifted(count), pull / count) if centred else (0.0, 0.0)
-        product, change = along - excess * pull, across - excess * last
+        now, then = by_one if on.one is not None else (pull, last)
+        product, change = along - excess * now, across - excess * then
         beta = max((product - change) / self._product, 0.0) if self._product > 0 else 0.0
         if product + beta * (memory - common * mean) <= 0:
             beta = 0.0
@@ -888,19 +879,19 @@ class Search:
         self._shift = (self._sum - at.total) / count if at.total is not None and count else 0.0
         step = self._alpha, self._shift
         fields = at.x, on.r, on.z, on.one, on.d, on.step
-        self._note(on.parallel(direct, excess, beta, *step, at.cap, *fields)[0])
+        self._note(on.parallel(direct, excess, beta, *step, at.limit, *fields)[0])
 
     def _project(self) -> None:
         """Write the step of the given sum."""
         at, begin, low, high = self.at, self._shift, -np.inf, np.inf
         for _ in range(_PROJECTIONS):
-            if at.total is None or abs(self._above) <= _LOAD * self._shifted:
+            if at.total is None or abs(self._above) <= _LOAD * at.total:
                 break
-            if at.cap is None:
+            if at.limit is None:
                 self._shift += self._above / self._count if self._count else min(self._above, 0.0)
             else:  # the sum is no convex function of the shift: between two that enclose it
                 low, high = (self._shift, high) if self._above > 0 else (low, self._shift)
-                self._shift = self._between(low, high, at.cap + 2.0 * abs(self._shift - begin))
+                self._shift = self._between(low, high, at.scales[0] + 2.0 * abs(self._shift - begin))
             self._write_step()
 
     def _between(self, low: float, high: float, reach: float) -> float:
@@ -914,7 +905,7 @@ class Search:
 
     def _write_step(self) -> None:
         on, x = self._on, self.at.x
-        step = self._alpha, self._shift, self.at.cap
+        step = self._alpha, self._shift, self.at.limit
         self._note(on.parallel(project, *step, x, on.r, on.d, on.step)[0])
 
     def _note(self, sums: Sequence[float]) -> None:
@@ -922,22 +913,14 @@ class Search:
         total, self._count, self._slope, self._ended = sums
         self._above = total - (self.at.total or 0.0)
 
-    @property
-    def _shifted(self) -> float:
-        """Sum that a shift may change: with a cap that of the x below it, at most, or rounding."""
-        total, cap = self.at.total or 0.0, self.at.cap
-        if cap is None:
-            return total
-        return max(min(total, cap * self._count), _SUMMED * float(np.finfo(self.at.x.dtype).eps) * total)
-
     def _lengths(self) -> tuple[float, float, float]:
         """Return the length of the step of the lowest energy, the one to take, and the scale after it."""
         on, at, slope = self._on, self.at, self._slope
-        (curvature, across), (fall,) = on.parallel(respond, at.cap, at.x, on.step, on.change)
+        (curvature, across), (fall,) = on.parallel(respond, at.x, on.step, on.change)
         optimum = slope / curvature if curvature > 0 else 1.0
         # The energy of a p + b D is a parabola of a and b.
         stiff, free, push = self._weighted - self._free, self._free - at.level * self._sum, slope + across
-        if at.y0 is not None and at.cap is None:
+        if at.y0 is not None:
             whole, part = -across * push - curvature * free, across * free + stiff * push
             if stiff * curvature > across**2 and whole > 0:
                 optimum = part / whole
@@ -946,7 +929,7 @@ class Search:
             length = min(optimum, 1.0 / fall) if fall > 0 else optimum
         elif optimum > _LET_GO and self._ended > 0:
             length = 1.0
-        if at.cap is not None or (at.total is None and at.y0 is None):
+        if at.total is None and at.y0 is None:
             return optimum, length, 1.0
         if at.total is None:
             energy, push = stiff + length * (2.0 * across + length * curvature), length * push - free
@@ -959,14 +942,9 @@ class Search:
         """Take a step and assess the state."""
         on, at = self._on, self.at
         fields = at.x, at.y, at.y0, on.step, on.change, on.z
-        while True:
-            move = Move(length, scale, at.total is not None, at.level, 1.0 / at.scales[0], 1.0 / at.scales[1])
-            sums, (most, below) = on.parallel(advance, move, at.cap, *fields)
-            self._sum, self._weighted, self._free, inner = sums
-            if at.cap is None or at.total is None or length == 0.0:
-                break
-            length = 0.0  # the level is known after the step
-            at.level = self._weighted / inner if inner > 0.0 else on.middle(at.x, at.y, at.cap)
+        move = Move(length, scale, at.total is not None, at.level, 1.0 / at.scales[0], 1.0 / at.scales[1])
+        sums, (most, below) = on.parallel(advance, move, at.limit, *fields)
+        self._sum, self._weighted, self._free = sums
         on.r, on.z = on.z, on.r
         at.level = at.level if at.total is None else 0.0
         # A gap may be shifted under a given load; elsewhere the aim is the middle of the allowed range.

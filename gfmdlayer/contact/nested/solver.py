@@ -9,11 +9,13 @@ Precision
     The iteration is in single precision where that resolves the gaps. Its last state is evaluated in double
     precision. Where its residual is too large, the iteration goes on from there with pressure and gap in
     double precision, to which corrections in single are added, whose errors shrink with them.
+Hardness
+    Gaps are the unknowns. Where the body has no local stiffness, as a thin incompressible layer on a rigid
+    base, or where the residual falls no more, the points at the hardness are taken out of the contact, under
+    their known pressure, and the set of these points is corrected until it stays.
 Hand-over
-    Where the residual falls no more, as for a stiff film on a soft base, the active set takes the problem
-    from the last pressure. After two of these steps in a row it keeps the run. It knows no hardness: the
-    points at the hardness are then taken out of the contact, under their known pressure, and the set of these
-    points is corrected until it stays.
+    Where the residual falls no more, as for a film a thousand times stiffer than its base in the imprint that
+    a punch has left, the active set takes the problem from the last pressure.
 
 All sums, rows beside those of this process and transforms go through the grid, which ranks may share.
 """
@@ -34,7 +36,6 @@ from gfmdlayer.contact.nested.iteration import (
     GridLevel,
     NestedFields,
     Search,
-    SearchForm,
     depart,
     form_of,
     narrow,
@@ -46,11 +47,11 @@ from gfmdlayer.contact.nested.iteration import (
 )
 from gfmdlayer.contact.pressure_form import CLAMPED, CLOSE, HEIGHT_ROUNDING, trivial_solution
 from gfmdlayer.contact.problem import Problem, Solution, make_solution
-from gfmdlayer.contact.residual import assess, scales_over
+from gfmdlayer.contact.residual import assess_over, scales_over
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.grid.transforms import Transforms
 from gfmdlayer.kernels import compiling, kernel
-from gfmdlayer.resumable import CompositeState, State
+from gfmdlayer.resumable import State
 
 # Nested grids: the problem on a coarser grid has truncated Fourier series of the gap and of the stiffness.
 # Pressures are interpolated. Near the edge of the contact the pressure falls like xi^(1/2) and the gap opens
@@ -73,14 +74,21 @@ def prolong(coarse: GridLevel, at: NestedFields, fine: GridLevel, h: FloatArray,
     fields = [np.empty((_BEFORE + len(p) + _AFTER, p.shape[1])) for _ in range(3)]
     values, smooth, deep = inner = [field[_BEFORE:-_AFTER] for field in fields]
     coarse.parallel.only(_smooth, p, *coarse.grid.halo(p, 1, 1), gap, mu, smooth, deep)
-    values[:] = at.h.reshape(shape) - gap if coarse.form.gaps else p
+    values[:] = (at.h - at.gap).reshape(shape) if coarse.form.gaps else p
+    if at.cap is not None:  # up to the hardness the pressure behaves as down to zero
+        rest, flow = at.cap - p, np.maximum(-at.gap, 0.0).reshape(shape)
+        beside = coarse.grid.halo(rest, 1, 1)
+        (inside, pressed, outside, apart), _ = coarse.parallel(_at_edges, rest, *beside, flow)
+        mu = inside / max(pressed, 1.0) * outside / apart if apart > 0 else 0.0
+        coarse.parallel.only(_smooth, rest, *beside, flow, mu, deep, np.empty_like(flow))
     for field, part in zip(fields, inner, strict=True):
         field[:_BEFORE], field[-_AFTER:] = coarse.grid.halo(part, _BEFORE, _AFTER)
     place = fine.grid.first_row, _BEFORE - coarse.grid.first_row
     rows = (1, 1) if len(fine.grid.points) == 1 else (fine.grid.points[0], coarse.grid.points[0])
     where = fine.grid.shape[-1], place, rows
     if coarse.form.gaps:
-        fine.parallel.only(_interpolate_gaps, *where, *fields[:2], h, target)
+        yields = None if at.cap is None else fields[2]
+        fine.parallel.only(_interpolate_gaps, *where, *fields[:2], yields, h, target)
     else:
         fine.parallel.only(_interpolate, *where, *fields, target)
 
@@ -183,9 +191,10 @@ def _interpolate(
 @kernel(reorder=True)
 def _interpolate_gaps(
     first: int, end: int, columns: int, place: tuple[int, int], whole: tuple[int, int], u: FloatArray,
-    smooth: FloatArray, h: FloatArray, target: FloatArray,
+    smooth: FloatArray, yields: Any, h: FloatArray, target: FloatArray,
 ) -> None:  # fmt: skip
     """Interpolate displacements by cubic polynomials; write the gap of the fine grid, closed in contact."""
+    # Where a field `yields` is negative, the gap is too.
     n = u.shape[1]
     line, edge = np.empty(n + 3), np.empty(n + 1)  # with the points beside the first and the last
     left, part, weights = np.empty(columns, np.int64), np.empty(columns), np.empty((4, columns))
@@ -221,6 +230,12 @@ def _interpolate_gaps(
         for j in range(columns):
             gap = hs[j] - gaps[j]
             gaps[j] = 0.0 if (inner[j] > 0.0) | (gap < 0.0) else gap
+            if yields is not None:
+                m = left[j]
+                right = m + 1 if m + 1 < n else 0
+                here = yields[row, m] + y * (yields[row + 1, m] - yields[row, m])
+                beside = yields[row, right] + y * (yields[row + 1, right] - yields[row, right])
+                gaps[j] = min(gap, 0.0) if here + part[j] * (beside - here) < 0.0 else gaps[j]
 
 
 def nest(fine: GridLevel, transforms: Transforms, problem: Problem, at: NestedFields) -> float:
@@ -265,7 +280,7 @@ def _search_gaps(level: GridLevel, at: NestedFields) -> None:
         at.p += at.load / level.grid.size
     search = Search(level, level.gaps_of(at))
     search.run(_COARSE_GAPS, _COARSE_LIMIT)
-    level.parallel.only(press_closed, search.at.level, at.gap, at.p)
+    level.parallel.only(press_closed, search.at.level, np.inf if at.cap is None else at.cap, at.gap, at.p)
     at.level = 0.0
 
 
@@ -297,7 +312,6 @@ def _touch(level: GridLevel, at: NestedFields) -> None:
 _POOR, _POOR_GAPS = 0.1, 2.0
 _LIMIT = 400  # iterations between two evaluations in double precision
 _PROGRESS = 0.5  # part of the last residual that an evaluation has to find
-_FAILURES = 2  # steps in a row after which the active set keeps the run
 # Tolerance, and scale of depth as part of the largest gap, below which pressure and gap are in double
 # precision while it iterates.
 _SINGLE, _SHALLOW = 1e-7, 1e-2
@@ -318,11 +332,10 @@ class NestedGradient:
         self._grid = grid or Grid(transforms.shape, (1.0,) * len(transforms.shape))
         self._fine: GridLevel | None = None
         self._stiffness: FloatArray = np.empty(0)
-        self._kind = False, False  # whether no load is given, and pressures end
+        self._kind: tuple[object, ...] = ()  # whether no load is given, and the form
         self._narrow: list[FloatArray] = []  # in single precision: pressure, gap, gap without pressure
         self._work = transforms.empty_spectrum()
-        self._active_set: ActiveSet | None = None  # made when a problem is first handed over
-        self._failures, self._part = 0, 0.0  # of a pair that is counted with the next step
+        self._part = 0.0  # of a pair that is counted with the next step
         self._doubles = 0.0
         self.spent = 0.0, 0.0
 
@@ -333,9 +346,9 @@ class NestedGradient:
         if trivial := trivial_solution(problem, self._transforms):
             return trivial
         self._doubles, coarse, self.spent = 0.0, 0.0, (0.0, 0.0)
-        if self._failures >= _FAILURES and self._grid.is_whole:
-            return self._by_active_set(problem, start, (0, 0), tolerance, limit)
         fine = self._level_of(problem)
+        if problem.hardness < np.inf and not fine.form.gaps:
+            return self._by_sets(problem, start, (0, 0), tolerance, limit)
         at = self._fields(fine, problem, start, tolerance)
         if at.load is None and self._grid.sums.minimum(float(at.gap0.min())) >= 0.0:
             return self._no_contact(fine, problem, at, tolerance)
@@ -356,28 +369,21 @@ class NestedGradient:
             last, search = solution.residual, Search(fine, unknowns)
         self.spent = self._doubles, fine.pairs + coarse
         pairs, part = divmod(self._doubles + 0.5 * self.spent[1] + self._part, 1.0)
+        self._part = part if solution.converged else self._part
         solution = replace(solution, transforms=int(pairs), iterations=iterations)
-        if solution.converged or not self._grid.is_whole:
-            self._failures, self._part = (0, part) if solution.converged else (self._failures, self._part)
+        if solution.converged or iterations >= limit:
             return solution
         if at.cap is not None:
-            return self._by_sets(problem, solution, tolerance, limit)
-        solution = self._by_active_set(problem, solution.pressure, (int(pairs), iterations), tolerance, limit)
-        self._failures += solution.converged
-        return solution
+            return self._by_sets(problem, solution.pressure, (int(pairs), iterations), tolerance, limit)
+        return self._by_active_set(problem, solution, tolerance, limit) if self._grid.is_whole else solution
 
     def state(self) -> State:
-        """Return the number of steps handed over in a row, the part of a pair, and the active set's state."""
-        handed_over = {} if self._active_set is None else CompositeState(active_set=self._active_set).state()
-        return {"failures": self._failures, "part": self._part, **handed_over}
+        """Return the part of a pair that is not counted yet."""
+        return {"part": self._part}
 
     def restore(self, state: State) -> None:
         """Continue from a state."""
-        self._failures, self._part = int(state["failures"]), float(state["part"])
-        self._active_set = None
-        if any(key.startswith("active_set.") for key in state):
-            self._active_set = ActiveSet(self._transforms, windows=False)
-            CompositeState(active_set=self._active_set).restore(state)
+        self._part = float(state["part"])
 
     def compile(self) -> None:
         """Compile the kernels that few steps come to."""
@@ -387,10 +393,10 @@ class NestedGradient:
 
     def _level_of(self, problem: Problem) -> GridLevel:
         """The operators of the grid, made anew only where they have changed."""
-        kind = problem.mean_pressure is None, problem.hardness < np.inf
+        form = form_of(self._grid, problem.stiffness, yields=problem.hardness < np.inf)
+        kind = problem.mean_pressure is None, form
         same = kind == self._kind and np.array_equal(problem.stiffness, self._stiffness)
         if not self._grid.sums.minimum(int(same)):  # by all ranks, whoever's part has changed
-            form = SearchForm() if kind[1] else form_of(self._grid, problem.stiffness)
             operator = problem, problem.stiffness, form
             if self._fine is None:
                 single = self._transforms.of_shape(self._grid.points, single=True)
@@ -407,8 +413,6 @@ class NestedGradient:
         p, gap = self._transforms.empty_field(), self._transforms.empty_field()
         np.fmax(start, 0.0, out=p)
         cap = problem.hardness if problem.hardness < np.inf else None
-        if cap is not None:
-            p[p >= (1.0 - _EXTRAPOLATED) * cap] = cap
         if problem.mean_pressure is not None:
             return NestedFields(problem.obstacle, gap, p, gap, problem.mean_pressure * self._grid.size, cap)
         at = NestedFields(
@@ -428,7 +432,6 @@ class NestedGradient:
         solution = self._solution(problem, fine, at, spectrum, extent, tolerance)
         self.spent = self._doubles, 0.0
         pairs, self._part = divmod(self._doubles + self._part, 1.0)
-        self._failures = 0
         return replace(solution, transforms=int(pairs))
 
     def _from_guess(
@@ -439,7 +442,7 @@ class NestedGradient:
             return None
         extent = self._evaluate(problem, fine, at)[1]
         if fine.form.gaps:
-            return self._from_pressure(fine, problem, at)
+            return self._from_pressure(fine, problem, at, tolerance)
         return self._search(fine, at, extent, tolerance)
 
     def _from_nest(self, fine: GridLevel, problem: Problem, at: NestedFields, tolerance: float) -> Search:
@@ -461,14 +464,21 @@ class NestedGradient:
             at.p += at.load / self._grid.size
         return spectrum
 
-    def _from_pressure(self, fine: GridLevel, problem: Problem, at: NestedFields) -> Search:
-        """Begin with the gap of a pressure, made admissible, and the pressure of that."""
-        level = 0.0 if at.load is None else at.level
-        (total, admissible), _ = fine.parallel(open_up, level, at.p, at.gap)
+    def _from_pressure(
+        self, fine: GridLevel, problem: Problem, at: NestedFields, tolerance: float
+    ) -> Search | None:
+        """Begin with the gap of a pressure, made admissible, and the pressure of that; None without any."""
+        level, least = 0.0 if at.load is None else at.level, tolerance * at.scales[1]
+        most = np.inf if at.cap is None else (1.0 - _EXTRAPOLATED) * at.cap
+        (total, admissible), _ = fine.parallel(open_up, level, most, least, at.p, at.gap)
+        if problem.mean_is_fixed and not admissible > 0.0:
+            return None
         factor = total / admissible if problem.mean_is_fixed else 1.0
-        fine.parallel.only(depart, level, factor, at.p, at.gap, fine.step)
+        fine.parallel.only(depart, level, factor, most, least, at.p, at.gap, fine.step)
         fine.respond()
         at.p += fine.change
+        if at.load is not None and at.cap is not None:  # which may have cut off some
+            at.p += at.load / self._grid.size - self._grid.sums.mean(at.p)
         return Search(fine, fine.gaps_of(at))
 
     def _assessed(
@@ -481,8 +491,6 @@ class NestedGradient:
             return self._solution_of_gap(problem, fine, at, unknowns, spectrum, tolerance), unknowns
         if found.x is not at.p:
             np.copyto(at.p, found.x)
-            if at.cap is not None:  # exactly, as it was in single precision
-                at.p[found.x >= np.float32(at.cap)] = at.cap
         spectrum, extent = self._evaluate(problem, fine, at)
         solution = self._solution(problem, fine, at, spectrum, extent, tolerance)
         return solution, at.unknowns()
@@ -501,7 +509,7 @@ class NestedGradient:
             fine.parallel.only(narrow, less, field, narrowed)
         p, gap = self._narrow[:2]
         gap0 = None if load_given else self._narrow[2]
-        return Search(fine, Complements(p, gap, at.load, at.scales, at.level - shift, gap0, at.cap))
+        return Search(fine, Complements(p, gap, at.load, at.scales, at.level - shift, gap0))
 
     def _evaluate(
         self, problem: Problem, fine: GridLevel, at: NestedFields
@@ -530,9 +538,8 @@ class NestedGradient:
         at.scales = pressure, depth = fine.scales(extent, shift)
         at.level -= shift
         u = self._transforms.empty_field()
-        flow = None if at.cap is None else np.empty_like(u)
         (touching, load, gaps, total), (residual, overlap) = fine.parallel(
-            settle, 1.0 / pressure, 1.0 / depth, shift, at.cap, at.h, at.p, at.gap, u, flow
+            settle, 1.0 / pressure, 1.0 / depth, shift, at.h, at.p, at.gap, u
         )
         if load_given and self._grid.first_row == 0:
             spectrum[0] = total
@@ -541,7 +548,7 @@ class NestedGradient:
         finite = np.isfinite(load) and np.isfinite(gaps)
         return make_solution(
             problem, u, at.p, spectrum, spent=(0, 0), within=tolerance if clear else -1.0, gap=at.gap,
-            flow=flow, assessment=(residual if finite else np.nan, touching / size, load / size, gaps / size),
+            assessment=(residual if finite else np.nan, touching / size, load / size, gaps / size),
         )  # fmt: skip
 
     def _solution_of_gap(
@@ -556,67 +563,70 @@ class NestedGradient:
         """Take the pressure away where the gap is open, where it is an error, and assess the state."""
         u, p, size = self._transforms.empty_field(), self._transforms.empty_field(), self._grid.size
         depth, pressure = found.scales
-        fields = at.h, at.gap, at.p, u, p
-        sums, (residual,) = fine.parallel(settle_gap, 1.0 / pressure, 1.0 / depth, found.level, *fields)
+        fields, most = (at.h, at.gap, at.p, u, p), np.inf if at.cap is None else at.cap
+        sums, (residual,) = fine.parallel(settle_gap, 1.0 / pressure, 1.0 / depth, found.level, most, *fields)
         touching, load, gaps, total = sums
         if at.load is not None and load > 0:
-            factor = at.load / load
-            p *= factor
+            below = self._grid.sums.total(float(p[p < most].sum())) if at.cap is not None else load
+            factor = (at.load - load + below) / below if below > 0.0 else at.load / load
+            np.multiply(p, factor, out=p, where=p < most if below > 0.0 else True)
             load, residual = at.load, max(residual, abs(factor - 1.0))
         if self._grid.first_row == 0:
             spectrum[0] = total
         finite = np.isfinite(load) and np.isfinite(gaps)
         return make_solution(
-            problem, u, p, spectrum, spent=(0, 0), within=tolerance, gap=at.gap.copy(),
+            problem, u, p, spectrum, spent=(0, 0), within=tolerance, gap=np.maximum(at.gap, 0.0),
+            flow=None if at.cap is None else np.maximum(-at.gap, 0.0),
             assessment=(residual if finite else np.nan, touching / size, load / size, gaps / size),
         )  # fmt: skip
 
-    def _by_sets(self, problem: Problem, last: Solution, tolerance: float, limit: int) -> Solution:
-        """Leave the problem to the active set, for the points below the hardness."""
-        h, start = problem.obstacle, last.pressure
-        spent, capped = (last.transforms, last.iterations), start >= problem.hardness
-        away = h + 4.0 * (float(h.max()) - float(h.min()) + abs(float(h.min())))
+    def _by_sets(
+        self, problem: Problem, start: FloatArray, spent: tuple[int, int], tolerance: float, limit: int
+    ) -> Solution:
+        """Take the points at the hardness out of the contact, under their known pressure, until they stay."""
+        h, ranks, hardness = problem.obstacle, problem.ranks, problem.hardness
+        lowest, highest = ranks.minimum(float(h.min())), ranks.maximum(float(h.max()))
+        away, load = h + 4.0 * (highest - lowest + abs(lowest)), problem.mean_pressure
+        capped, used = start >= (1.0 - _EXTRAPOLATED) * hardness, self.spent
         for _ in range(_CORRECTIONS):
-            held = np.where(capped, problem.hardness, 0.0)
-            load = problem.mean_pressure
-            if load is not None and not held.mean() <= load:
-                break
+            held = np.where(capped, hardness, 0.0)
+            borne = ranks.mean(held)
+            if load is not None and not borne < load:  # as of the last step, or where too many points yield
+                capped, held, borne = np.zeros_like(capped), np.zeros_like(held), 0.0
             rest = replace(
                 problem,
                 obstacle=np.where(capped, away, h),
                 intercept=problem.intercept - self._transforms.forward(held),
-                mean_pressure=None if load is None else load - float(held.mean()),
+                mean_pressure=None if load is None else load - borne,
                 hardness=np.inf,
             )
-            below = self._by_active_set(rest, np.where(capped, 0.0, start), spent, tolerance, limit)
-            spent, u = (below.transforms, below.iterations), below.displacement
-            start, flow = below.pressure + held, np.where(capped, np.maximum(u - h, 0.0), 0.0)
-            depth = scales_over(problem.ranks, start, u, problem.residual_floor)[1]
-            now = np.where(capped, h - u <= 0.5 * tolerance * depth, start > problem.hardness)
-            if not below.converged or spent[1] >= limit:
+            start = np.where(capped, 0.0, np.minimum(start, hardness))
+            below = self.solve(rest, start, tolerance, max(limit - spent[1], 1))
+            spent = spent[0] + below.transforms, spent[1] + below.iterations
+            used = used[0] + self.spent[0], used[1] + self.spent[1]
+            u, start = below.displacement, below.pressure + held
+            flow = np.where(capped, np.maximum(u - h, 0.0), 0.0)
+            depth = scales_over(ranks, start, u, problem.residual_floor)[1]
+            now = np.where(capped, h - u <= 0.5 * tolerance * depth, start > hardness)
+            stays = ranks.minimum(int(np.array_equal(now, capped)))
+            if stays or not below.converged or spent[1] >= limit:
                 break
-            if np.array_equal(now, capped):
-                over = assess(start, u, h + flow, problem.residual_floor)
-                return make_solution(
-                    problem, u, start, below.spectrum, spent=spent, within=tolerance, assessment=over,
-                    gap=np.maximum(h - u, 0.0), flow=flow,
-                )  # fmt: skip
             capped = now
-        return replace(last, transforms=spent[0], iterations=spent[1])
+        self.spent = used
+        within = tolerance if stays and below.converged else -1.0
+        over = assess_over(ranks, start, u, h + flow, problem.residual_floor)
+        return make_solution(
+            problem, u, start, below.spectrum, spent=spent, within=within, assessment=over,
+            gap=np.maximum(h - u, 0.0), flow=flow,
+        )  # fmt: skip
 
-    def _by_active_set(
-        self, problem: Problem, start: FloatArray, spent: tuple[int, int], tolerance: float, limit: int
-    ) -> Solution:
-        """Leave the problem to the active set, after some pairs and iterations."""
-        pairs, iterations = spent
+    def _by_active_set(self, problem: Problem, last: Solution, tolerance: float, limit: int) -> Solution:
+        """Leave the problem to the active set, with the rest of the iterations."""
+        solver = ActiveSet(self._transforms, windows=False)
         if not iterate.signatures:  # type: ignore[attr-defined]
             with compiling():  # rarely needed, and thus not compiled beforehand
-                ActiveSet(self._transforms).compile()
-        solver = self._active_set or ActiveSet(self._transforms, windows=False)
-        solution = solver.solve(problem, start, tolerance, max(limit - iterations, 1))
-        if solution.converged:
-            self._active_set = solver
-        self.spent = self.spent[0] + solution.transforms, self.spent[1]
-        return replace(
-            solution, transforms=solution.transforms + pairs, iterations=solution.iterations + iterations
-        )
+                solver.compile()
+        found = solver.solve(problem, last.pressure, tolerance, limit - last.iterations)
+        self.spent = self.spent[0] + found.transforms, self.spent[1]
+        pairs, iterations = found.transforms + last.transforms, found.iterations + last.iterations
+        return replace(found, transforms=pairs, iterations=iterations)
