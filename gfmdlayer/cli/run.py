@@ -45,7 +45,8 @@ def _options_of_cases(parser: argparse.ArgumentParser) -> None:
 def _options_of_run(parser: argparse.ArgumentParser) -> None:
     _options_of_cases(parser)
     text = f"""
-    --threads N  threads for the transforms of a large grid (default: OMP_NUM_THREADS, else 1)
+    --threads N  threads for the transforms of a large grid (default: OMP_NUM_THREADS, else
+                 2 from 2048 x 2048 points for one process with two cores or more, else 1)
     --ranks-per-case N = 1  MPI ranks that share a case, each with a part of its surface (default: 1)
     --shard I/N  where this run starts in the sweep, as the I-th of N that share DIR (job arrays)
     --checkpoint-every SECONDS = {CHECKPOINT_EVERY}  time between checkpoints of a case; a killed run
@@ -80,7 +81,7 @@ def run(options: argparse.Namespace) -> int:
             "--shard and --restart cannot be combined; start over once with --restart, then run the shards"
         )
     interrupts.listen()
-    threads = workers.threads_each(os.environ, options.threads)
+    threads = workers.threads_each(os.environ, options.threads, options.jobs * options.ranks_per_case)
     with _pool(options) as pool:
         return COMPLETE if pool is None else _run(options, pool, threads)
 
@@ -117,7 +118,8 @@ def _options_of_converge(parser: argparse.ArgumentParser) -> None:
     --json FILE  write the estimates as JSON
     --keep  keep the results of all runs, in DIR/convergence
     --restart  remove earlier runs there and start over
-    --threads N  threads for the transforms of a large grid (default: OMP_NUM_THREADS, else 1)
+    --threads N  threads for the transforms of a large grid (default: OMP_NUM_THREADS, else
+                 2 from 2048 x 2048 points for one process with two cores or more, else 1)
     --ranks-per-case N = 1  MPI ranks that share a case, each with a part of its surface (default: 1)
     --checkpoint-every SECONDS = {CHECKPOINT_EVERY}  time between checkpoints of a case (default: %(default)g)
     """
@@ -146,12 +148,12 @@ def converge(options: argparse.Namespace) -> int:
     from gfmdlayer.study import interrupts, workers
 
     interrupts.listen()
-    threads = workers.threads_each(os.environ, options.threads)
+    threads = workers.threads_each(os.environ, options.threads, options.jobs * options.ranks_per_case)
     with _pool(options) as pool:
         return COMPLETE if pool is None else _converge(options, pool, threads)
 
 
-def _converge(options: argparse.Namespace, pool: WorkerPool, threads: int) -> int:
+def _converge(options: argparse.Namespace, pool: WorkerPool, threads: int | None) -> int:
     import json
 
     from gfmdlayer.config import ConfigError
@@ -196,7 +198,7 @@ def _converge(options: argparse.Namespace, pool: WorkerPool, threads: int) -> in
     return FAILED if found.failed else COMPLETE
 
 
-def _run(options: argparse.Namespace, pool: WorkerPool, threads: int) -> int:
+def _run(options: argparse.Namespace, pool: WorkerPool, threads: int | None) -> int:
     from dataclasses import fields
 
     from gfmdlayer.config import ConfigError

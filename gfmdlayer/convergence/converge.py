@@ -123,7 +123,7 @@ def converge(
     keep: bool = False,
     progress: bool | None = None,
     jobs: int = 1,
-    threads: int = 1,
+    threads: int | None = None,
     trust: bool = False,
     **values: object,
 ) -> ErrorReport:
@@ -183,7 +183,15 @@ def converge(
         held.enter_context(interrupts.listening())
         pool = held.enter_context(pool_of(jobs))
         show = None if display is None else lambda: display
-        found = estimated(cases, place, pool, asked, RunOptions(threads=threads), show, keep=keep)
+        found = estimated(
+            cases,
+            place,
+            pool,
+            asked,
+            RunOptions(threads=1 if threads is None and jobs > 1 else threads),
+            show,
+            keep=keep,
+        )
     if found is None:
         raise KeyboardInterrupt
     return found

@@ -18,12 +18,23 @@ from typing import Any
 
 import numpy as np
 
-from gfmdlayer.grid.library import FftwAxis, FftwError, library
+from gfmdlayer.grid.library import FftwAxis, FftwError, cores, library
 
 # Points of a field below which threads are not used: there a transform takes about a millisecond. On busy
 # cores they lost up to 1024 x 1024 points and were even at 2048 x 2048; on two idle ones a first solve of
 # 512 x 512 is even, and of 2048 x 2048 1.34 times as fast.
 WORTH_THREADS = 1 << 18
+# Points of a surface from which two threads have been measured not to lose on busy cores either.
+ALWAYS_WORTH_THREADS = 1 << 22
+
+
+def threads_for(shape: tuple[int, ...], asked: int | None) -> int:
+    """Return the threads for fields of a shape: as asked, or two for a surface where they do not lose."""
+    if asked is not None:
+        return asked
+    large = len(shape) == 2 and math.prod(shape) >= ALWAYS_WORTH_THREADS
+    return 2 if large and library().threads and len(cores()) > 1 else 1
+
 
 _ESTIMATE, _DESTROY_INPUT = 1 << 6, 1 << 0  # fftw3.h
 ALIGNED = 64  # bytes

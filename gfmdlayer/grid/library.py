@@ -84,6 +84,13 @@ def own() -> Library | None:
     return own_library(Path(folder)) if folder else None
 
 
+def cores() -> frozenset[int]:
+    """Return the cores that this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return frozenset(os.sched_getaffinity(0))
+    return frozenset(range(os.cpu_count() or 1))
+
+
 def own_library(folder: Path) -> Library:
     """Load the libraries in a folder."""
     if not folder.is_dir():

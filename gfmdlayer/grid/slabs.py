@@ -32,7 +32,7 @@ import numpy.typing as npt
 from numpy.typing import NDArray
 
 from gfmdlayer.arrays import ComplexArray, FloatArray, IntArray
-from gfmdlayer.grid.fftw import DOUBLE, FUNCTION, SINGLE, address, call, row_plans
+from gfmdlayer.grid.fftw import DOUBLE, FUNCTION, SINGLE, address, call, row_plans, threads_for
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.grid.ranks import MpiRanks, wait
 from gfmdlayer.grid.sums import Completion
@@ -468,8 +468,11 @@ class SlabTransforms(Transforms):
         return array_at(place, self.spectral_shape, self._kind)
 
 
-def transforms_of(grid: Grid, threads: int = 1) -> Transforms:
-    """Return the transforms of a grid, of one process or over ranks; see `Transforms`."""
+def transforms_of(grid: Grid, threads: int | None = 1) -> Transforms:
+    """Return the transforms of a grid, of one process or over ranks; see `Transforms`.
+
+    Without a number of threads, ranks take one each, and a process `fftw.threads_for` the grid.
+    """
     if isinstance(grid, SlabGrid):
-        return SlabTransforms(grid, threads=threads)
-    return shared_transforms(grid.shape, threads)
+        return SlabTransforms(grid, threads=threads or 1)
+    return shared_transforms(grid.shape, threads_for(grid.shape, threads))

@@ -229,7 +229,7 @@ class Result(NamedTuple):
     said: Sequence[str] = ()
 
 
-def _compute(case: SweepCase, threads: int, claim: Claim | AtWork) -> Outcome:
+def _compute(case: SweepCase, threads: int | None, claim: Claim | AtWork) -> Outcome:
     """Run a case in memory."""
     begun, config = time.monotonic(), case.config
     try:
@@ -258,7 +258,7 @@ def _compute(case: SweepCase, threads: int, claim: Claim | AtWork) -> Outcome:
     return Outcome(case.index, "complete", seconds=time.monotonic() - begun, result=result)
 
 
-def _run_in_memory(cases: Cases, progress: bool | None, jobs: int, threads: int) -> xarray.Dataset:
+def _run_in_memory(cases: Cases, progress: bool | None, jobs: int, threads: int | None) -> xarray.Dataset:
     """Run the cases on a number of processes, this one among them; return their data."""
     config, every, display = cases.config, list(cases), chosen_display(progress)
     _warn(notes(case.config for case in every))
@@ -278,7 +278,9 @@ def _run_in_memory(cases: Cases, progress: bool | None, jobs: int, threads: int)
     return _gathered(config, every, results)
 
 
-def _one_after_the_other(every: Sequence[SweepCase], display: Display | None, threads: int) -> list[Outcome]:
+def _one_after_the_other(
+    every: Sequence[SweepCase], display: Display | None, threads: int | None
+) -> list[Outcome]:
     """Run the cases in this process, without a folder."""
     outcomes: list[Outcome] = []
     at_work: list[AtWork] = []
@@ -299,7 +301,7 @@ def _one_after_the_other(every: Sequence[SweepCase], display: Display | None, th
 
 
 def _side_by_side(
-    every: Sequence[SweepCase], display: Display | None, jobs: int, threads: int
+    every: Sequence[SweepCase], display: Display | None, jobs: int, threads: int | None
 ) -> list[Outcome]:
     """Run the cases on a pool of processes, this one among them."""
     outcomes: dict[int, Outcome] = {}
@@ -314,7 +316,7 @@ def _side_by_side(
     return [outcomes[case.index] for case in every]
 
 
-def _compute_claimed(case: SweepCase, folder: Folder, threads: int) -> Outcome:
+def _compute_claimed(case: SweepCase, folder: Folder, threads: int | None) -> Outcome:
     """Run a case in memory, with its claim in a folder."""
     claim = Claim(folder, case.index, case.config.time.end, label(case.values), case.cost.steps)
     return _compute(case, threads, claim)
@@ -371,7 +373,7 @@ def run(
     out: str | Path | None = None,
     progress: bool | None = None,
     jobs: int = 1,
-    threads: int = 1,
+    threads: int | None = None,
     trust: bool = False,
     observables: Sequence[type[Observable]] = (),
     **values: object,
@@ -398,8 +400,9 @@ def run(
     jobs : int
         Processes that compute the cases of a sweep. A script that asks for several begins with
         ``if __name__ == "__main__":``.
-    threads : int
-        Threads for the transforms of a large grid.
+    threads : int, optional
+        Threads for the transforms of a large grid; by default two from 2048 x 2048 points in one process,
+        else one.
     trust : bool
         Of the file of a case: run the Python code that it names as its body; without it such a file is
         refused.
@@ -443,6 +446,7 @@ def run(
     if getattr(current_process(), "_inheriting", False):  # it is being started, and imports the script
         raise RuntimeError(f"run was called while a process of another run starts: {GUARD}")
     check_jobs(jobs, threads)
+    threads = 1 if threads is None and jobs > 1 else threads
     if not isinstance(progress, bool | None):
         raise ConfigError([f"progress: got {shown(progress)}; must be True, False or None"])
     if not isinstance(out, str | os.PathLike | None):
@@ -479,9 +483,11 @@ def _refuse_class(key: str, where: str) -> NoReturn:
     raise ConfigError([f"{message}; must be in a file: {{file: mine.py, ...}}"])
 
 
-def check_jobs(jobs: object, threads: object = 1) -> None:
+def check_jobs(jobs: object, threads: object = None) -> None:
     """Raise a ConfigError unless these are whole numbers above zero."""
     for name, value in (("jobs", jobs), ("threads", threads)):
+        if value is None and name == "threads":
+            continue
         if not isinstance(value, int) or value < 1:
             raise ConfigError([f"{name}: got {shown(value)}; must be a whole number >= 1"])
 
@@ -532,7 +538,9 @@ def _gathered(config: Config, every: Sequence[SweepCase], outcomes: Sequence[Out
     return labelled(records, Swept.of(config.sweep, config.unit, config.output.row_times))
 
 
-def _run_in_folder(cases: Cases, out: Path, progress: bool | None, jobs: int, threads: int) -> xarray.Dataset:
+def _run_in_folder(
+    cases: Cases, out: Path, progress: bool | None, jobs: int, threads: int | None
+) -> xarray.Dataset:
     """Run the cases as the command line does; return the opened results."""
     Folder(out).refuse_foreign()
     config = on_disk(cases.config, out / "arrays")

@@ -259,7 +259,7 @@ class Checkpoints:
 def run_case(
     case: SweepCase,
     folder: Folder,
-    threads: int = 1,
+    threads: int | None = 1,
     checkpoint_every: float = CHECKPOINT_EVERY,
     ranks: Ranks = ALONE,
 ) -> Outcome:
@@ -302,7 +302,7 @@ class CaseRun:
 
     case: SweepCase
     folder: Folder
-    threads: int
+    threads: int | None
     ranks: Ranks
 
     def simulate(self, checkpoint_every: float) -> str:

@@ -32,13 +32,6 @@ def threads(environment: Mapping[str, str]) -> int:
     return max((int(value) for value in numbers if value.isdecimal()), default=1)
 
 
-def cores() -> Cores:
-    """Return the cores that this process may use."""
-    if hasattr(os, "sched_getaffinity"):
-        return frozenset(os.sched_getaffinity(0))
-    return frozenset(range(os.cpu_count() or 1))
-
-
 def crowding(members: Iterable[tuple[str, Cores]], threads: int) -> list[str]:
     """Name the most crowded host on which more threads compute than there are cores."""
     processes: Counter[str] = Counter()

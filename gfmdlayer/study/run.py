@@ -51,7 +51,7 @@ class RunOptions:
     # run the cases that are recorded as failed, and leave the others that are not complete
     only_failed: bool = False
     shard: Shard | None = None  # where the run starts, so that it seldom meets others
-    threads: int = 1  # threads that the transforms of a case may use
+    threads: int | None = 1  # threads that the transforms of a case may use; None: by its size
     checkpoint_every: float = CHECKPOINT_EVERY  # seconds between two checkpoints of a case
     ranks_per_case: int = 1  # ranks that compute a case together
 
@@ -300,6 +300,11 @@ class Study:
 
     def _opening(self, complete: int, missing: int) -> Iterator[str]:
         number, threads = len(self._numbers), self._options.threads
+        if threads is None:
+            from gfmdlayer.grid.fftw import threads_for
+
+            grids = (case.config.grid for case in self._sample if case.config.geometry.on_grid)
+            threads = max((threads_for(grid.points, None) for grid in grids), default=1)
         cases = "1 case" if number == 1 else f"{number} cases"
         before = f", {complete} complete already" if complete else ""
         before += f", {missing} to be run" if self._counts["waiting"] else ""

@@ -23,6 +23,7 @@ from multiprocessing import active_children, get_context, parent_process
 from typing import Any, NoReturn
 
 from gfmdlayer.errors import GfmdlayerError
+from gfmdlayer.grid.library import cores
 from gfmdlayer.study import interrupts, preflight
 
 MOST = 1 << 14  # processes, and threads of one
@@ -60,16 +61,25 @@ class _NoWorkers(Executor):
         return Future()
 
 
-def threads_each(environment: MutableMapping[str, str], asked: int | None = None) -> int:
-    """Set the threads of libraries before their import; return those for the transforms of a process."""
+def threads_each(
+    environment: MutableMapping[str, str], asked: int | None = None, jobs: int = 2
+) -> int | None:
+    """Set the threads of libraries before their import; return those for the transforms of a process.
+
+    None, by the size of a case, is for a process that has the machine for itself.
+    """
     if asked is not None:
         if not 1 <= asked <= MOST:
             raise LauncherError(f"--threads {asked}: must be from 1 to {MOST}")
         environment["OMP_NUM_THREADS"] = str(asked)
+    alone = jobs == 1 and preflight.launched_size(environment) in (None, 1) and len(cores()) > 1
+    by_size = alone and "OMP_NUM_THREADS" not in environment
+    if by_size:
+        environment["OMP_NUM_THREADS"] = "2"  # OpenMP starts no more later
     for variable in preflight.THREAD_VARIABLES:
         environment.setdefault(variable, "1")
     count = environment["OMP_NUM_THREADS"].partition(",")[0]
-    return max(int(count), 1) if count.isdecimal() else 1
+    return None if by_size else max(int(count), 1) if count.isdecimal() else 1
 
 
 def assemble(
@@ -97,7 +107,7 @@ def alone() -> Iterator[WorkerPool]:
 
 
 def _host_and_cores() -> tuple[str, preflight.Cores]:
-    return socket.gethostname(), preflight.cores()
+    return socket.gethostname(), cores()
 
 
 def _warnings(members: list[tuple[str, preflight.Cores]]) -> tuple[str, ...]:

@@ -8,6 +8,7 @@ import numba as nb
 import numpy as np
 import pytest
 
+from gfmdlayer.grid.fftw import threads_for
 from gfmdlayer.grid.transforms import BY_BLOCKS, Transforms, backward, forward
 
 SHAPES = [(8,), (9,), (1024,), (1155,), (6, 8), (5, 9), (6, 9), (7, 8), (32, 64)]
@@ -99,6 +100,18 @@ def there_and_back(plans, field, spectrum, back):
     backward(plans, spectrum, back)
 
 
+def test_large_surfaces_take_two_threads_where_none_are_asked_for(monkeypatch):
+    monkeypatch.setattr("gfmdlayer.grid.fftw.cores", lambda: frozenset(range(8)))
+    found = {
+        shape: threads_for(shape, None) for shape in ((1 << 22,), (2047, 2048), (2048, 2048), (4096, 1024))
+    }
+    assert [*found.values()] == [1, 1, 2, 2]
+    assert threads_for((4096, 4096), 1) == 1
+    assert threads_for((64, 64), 4) == 4  # which transforms of less than 512 x 512 points do not use
+    monkeypatch.setattr("gfmdlayer.grid.fftw.cores", lambda: frozenset({3}))
+    assert threads_for((2048, 2048), None) == 1
+
+
 @pytest.mark.parametrize("shape", [(512, 512), (513, 511), (768, 512)])
 def test_threads_change_a_transform_by_rounding_only(shape):
     u = fields(shape)
@@ -120,7 +133,7 @@ def test_a_filter_multiplies_the_modes_of_a_field(shape, single):
     field[:] = u.ravel()
     transforms.filter(factors.astype(field.dtype))(field, target)
     modes = np.fft.rfftn(u) * factors.reshape(transforms.spectral_shape)
-    exact = np.fft.irfftn(modes, shape).ravel() * u.size
+    exact = np.fft.irfftn(modes, shape, axes=range(len(shape))).ravel() * u.size
     eps = np.finfo(field.dtype).eps / np.finfo(float).eps
     assert np.linalg.norm(target - exact) <= 2 * eps * rounding(shape) * np.linalg.norm(exact)
     np.testing.assert_array_equal(field, u.ravel().astype(field.dtype))

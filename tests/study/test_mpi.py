@@ -276,3 +276,14 @@ def test_threads_are_one_each_unless_asked():
     assert threads_each(environment, 2) == 2
     assert environment["OMP_NUM_THREADS"] == "2"
     assert threads_each({"OMP_NUM_THREADS": "3,2"}) == 3  # for nested regions
+
+
+@pytest.mark.parametrize("free", [1, 2, 64])
+def test_one_process_alone_leaves_its_threads_to_the_size_of_the_case(free, monkeypatch):
+    monkeypatch.setattr("gfmdlayer.study.workers.cores", lambda: frozenset(range(free)))
+    environment = {}
+    assert threads_each(environment, jobs=1) == (None if free > 1 else 1)
+    assert environment["OMP_NUM_THREADS"] == str(min(free, 2))
+    assert environment["OPENBLAS_NUM_THREADS"] == "1"
+    assert threads_each({}, 1, jobs=1) == threads_each({"OMP_NUM_THREADS": "1"}, jobs=1) == 1
+    assert threads_each({}, jobs=2) == threads_each({"PMI_SIZE": "2"}, jobs=1) == 1

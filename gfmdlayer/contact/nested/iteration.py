@@ -68,6 +68,9 @@ from gfmdlayer.kernels import LANES, filled, in_python, kernel, maximum
 # values are kept side by side, and written from one array into another: stores under a condition are slow.
 # Both arrays count at the end, as the last block may be a short one.
 #
+# A kernel cuts its stretch out of the arrays: an index that may be negative, as far as the compiler knows,
+# counts from the end, which makes a pass of copies 2 to 4 times as long.
+#
 # `limit` is the largest y, the hardness where gaps are the unknowns, or None: kernels are compiled for
 # either, and those without a limit have no trace of it.
 
@@ -407,11 +410,13 @@ def displace(
 ) -> None:
     """Write u = (b - p)/kappa mode by mode, and 0 where kappa is, in the place of p too."""
     # Spectra are given as real numbers, real and imaginary parts in turn.
-    for k in range(first, end):
-        per = 1.0 / stiffness[k] if stiffness[k] > 0.0 else 0.0
+    numbers = slice(2 * first, 2 * end)
+    stiff, b, p, us = stiffness[first:end], intercept[numbers], pressure[numbers], u[numbers]
+    for k in range(stiff.size):
+        per = 1.0 / stiff[k] if stiff[k] > 0.0 else 0.0
         for i in range(2 * k, 2 * k + 2):
-            u[i] = per * (intercept[i] - pressure[i])
-            pressure[i] = u[i]
+            us[i] = per * (b[i] - p[i])
+            p[i] = us[i]
 
 
 @kernel(reorder=True, borrows=True)
@@ -420,9 +425,11 @@ def press(
     stress: FloatArray,
 ) -> None:  # fmt: skip
     """Write the stress (b - kappa u) per point, mode by mode; spectra as in `displace`."""
-    for k in range(first, end):
+    numbers = slice(2 * first, 2 * end)
+    stiff, b, us, found = stiffness[first:end], intercept[numbers], u[numbers], stress[numbers]
+    for k in range(stiff.size):
         for i in range(2 * k, 2 * k + 2):
-            stress[i] = per_point * (intercept[i] - stiffness[k] * u[i])
+            found[i] = per_point * (b[i] - stiff[k] * us[i])
 
 
 @kernel(reorder=True, borrows=True)
@@ -431,9 +438,10 @@ def open_up(
 ) -> tuple[tuple[float, float], tuple[float]]:
     """Return the sums of the gap, and of the part of it that is admissible: see `_admissible`."""
     total, admissible = 0.0, 0.0
-    for i in range(first, end):
-        total += gap[i]
-        admissible += _admissible(p[i], gap[i] - level, most, least)
+    ps, gaps = p[first:end], gap[first:end]
+    for i in range(ps.size):
+        total += gaps[i]
+        admissible += _admissible(ps[i], gaps[i] - level, most, least)
     return (total, admissible), (0.0,)
 
 
@@ -449,19 +457,21 @@ def depart(
     gap: FloatArray, step: Any,
 ) -> None:  # fmt: skip
     """Write the admissible part of the gap, times a factor, and what it adds to the gap."""
-    for i in range(first, end):
-        opening = gap[i] - level
-        now = factor * _admissible(p[i], opening, most, least)
-        step[i] = np.float32(now - opening)
-        gap[i] = now
+    ps, gaps, steps = p[first:end], gap[first:end], step[first:end]
+    for i in range(ps.size):
+        opening = gaps[i] - level
+        now = factor * _admissible(ps[i], opening, most, least)
+        steps[i] = np.float32(now - opening)
+        gaps[i] = now
 
 
 @kernel(borrows=True)
 def press_closed(first: int, end: int, level: float, most: float, gap: FloatArray, p: FloatArray) -> None:
     """Write an admissible pressure: where the gap is closed, from zero to the largest, where it yields."""
-    for i in range(first, end):
-        pressure = most if gap[i] < 0.0 else min(p[i] - level, most)
-        p[i] = pressure if (gap[i] <= 0.0) & (pressure > 0.0) else 0.0
+    gaps, ps = gap[first:end], p[first:end]
+    for i in range(ps.size):
+        pressure = most if gaps[i] < 0.0 else min(ps[i] - level, most)
+        ps[i] = pressure if (gaps[i] <= 0.0) & (pressure > 0.0) else 0.0
 
 
 @kernel(reorder=True, borrows=True)
@@ -532,8 +542,9 @@ def settle_gap(
 @kernel(borrows=True)
 def narrow(first: int, end: int, less: float, field: FloatArray, narrowed: Any) -> None:
     """Write a field less a number in single precision."""
-    for i in range(first, end):
-        narrowed[i] = np.float32(field[i] - less)
+    wide, single = field[first:end], narrowed[first:end]
+    for i in range(wide.size):
+        single[i] = np.float32(wide[i] - less)
 
 
 class ParallelPasses:
