@@ -94,7 +94,10 @@ def test_a_notebook_runs_from_its_first_cell_to_its_last_without_a_warning(tmp_p
     told = "".join("".join(output["text"]) for output in outputs if output["output_type"] == "stream")
     pictures = [output for output in outputs if "image/png" in output.get("data", {})]
     assert len(pictures) == 5
-    assert np.isclose(float(told), 2.0, rtol=0.01)  # nothing else is said
+    *said, modulus = told.splitlines()
+    assert np.isclose(float(modulus), 2.0, rtol=0.01)
+    # Nothing else is said, but on a machine without these kernels.
+    assert all(line.startswith("gfmdlayer: compiling kernels, once per machine") for line in said)
 
 
 def test_the_script_that_mypy_reads_runs(tmp_path, capsys):
