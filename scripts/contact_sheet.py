@@ -122,8 +122,15 @@ def pictures(path: Path) -> Iterator[Picture]:
         yield from _of(results, cases, "")
         if path.name in ALSO_IN_SI:
             si = in_si(results)
-            titles = dict(zip(si["case"].to_numpy().flat, case_titles(si).values(), strict=True))
-            yield from _of(si, {titles[int(case["case"])]: in_si(case) for case in cases.values()}, "SI ")
+            yield from _of(si, dict(zip(titles(si, cases), map(in_si, cases.values()), strict=True)), "SI ")
+
+
+def titles(results: Dataset, cases: dict[str, Dataset]) -> list[str]:
+    """Return the titles of cases with the swept values of results in other units."""
+    if "case" not in results.coords:  # the only one
+        return list(cases)
+    every = dict(zip(results["case"].to_numpy().flat, case_titles(results).values(), strict=True))
+    return [every[int(case["case"])] for case in cases.values()]
 
 
 def _of(results: Dataset, cases: dict[str, Dataset], prefix: str) -> Iterator[Picture]:

@@ -21,12 +21,12 @@ import numpy as np
 from gfmdlayer.files.whole import unfinished
 from gfmdlayer.results.names import ResultsError
 from gfmdlayer.results.netcdf import naming
-from gfmdlayer.results.reader import ESTIMATES as FILE
-from gfmdlayer.results.reader import open_labelled
+from gfmdlayer.results.reader import ESTIMATES, open_labelled
 
 if TYPE_CHECKING:
     import xarray
 
+FILE = ESTIMATES
 COUNTED_NOTE = "counted by points: the interpolated area is surer"
 
 

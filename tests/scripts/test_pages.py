@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import matplotlib as mpl
+import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 
@@ -102,6 +103,7 @@ def test_each_block_is_in_a_known_language(page):
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
 def test_commands_and_scripts_work_one_after_the_other(page, clone, results):
     mpl.use("Agg")
+    plt.close("all")  # the axes of another page are none of this one
     shutil.copytree(results, clone / "results")
     names = {}
     path = f"{Path(sys.executable).parent}:{os.environ['PATH']}"
