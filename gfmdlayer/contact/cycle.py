@@ -117,11 +117,13 @@ class Fit(NamedTuple):
 Fits = dict[tuple[tuple[int, ...], ...], Fit]  # by the points of a grid and of the next one
 
 
-def cycle_of(whole: Grid, stiffness: FloatArray, kappa_1: float, fits: Fits | None = None) -> Cycle:
+def cycle_of(
+    whole: Grid, stiffness: FloatArray, kappa_1: float, fits: Fits | None = None, mean: float = 0.5
+) -> Cycle:
     """Return the cycle on a grid for a stiffness that rises with the wavenumber, one value a mode.
 
     It has no grid for a few points. `fits` are those found for the stiffness on the grids of other cycles;
-    those found here are added.
+    those found here are added. `mean` is the stiffness of the mean over kappa_1, where it has none.
     """
     shape, kappa, unit = _in_two(whole.points), whole.every_mode(stiffness), unit_of(kappa_1)
     shapes, fits = _shapes(shape, kappa), {} if fits is None else fits
@@ -138,7 +140,7 @@ def cycle_of(whole: Grid, stiffness: FloatArray, kappa_1: float, fits: Fits | No
     cycle = _cycle(whole, shapes, unit, weights, constants, _LOWEST * kappa_1 / unit)
     kappa = kappa / unit
     height, width = shapes[-1]
-    kappa = np.where(kappa > 0, kappa, 0.5 * kappa_1 / unit)
+    kappa = np.where(kappa > 0, kappa, mean * kappa_1 / unit)
     response = np.fft.irfft2(kappa.reshape(height, -1), (height, width))
     i, j = np.divmod(np.arange(height * width), width)
     cycle.matrix[:] = response[(i[:, np.newaxis] - i) % height, (j[:, np.newaxis] - j) % width]

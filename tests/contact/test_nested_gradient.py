@@ -196,6 +196,17 @@ def test_a_stiff_film_takes_few_iterations(points, depth_given):
     assert check(case, problem) <= 24
 
 
+def test_a_single_point_in_contact_takes_few_iterations():
+    """It alone holds the mean, which has no stiffness of its own: the last grid of a cycle has to know it."""
+    # With half of kappa_1 there, 50 times too much, it takes 173. No grid is coarser: from 8e3 to .8e-6 the
+    # condition 4 of test_cycle takes 21, and points join in some of them.
+    case, problem = problem_of(9)
+    assert case.grid.points == (101, 101)
+    found = solved(case, problem)
+    assert found.contact_area * case.punch.size == pytest.approx(1.0)
+    assert check(case, problem) <= 32
+
+
 def test_directions_on_a_thin_incompressible_layer_are_conjugate():
     """Under a given load, where the answers of a cycle lose their mean by M 1: 22 iterations."""
     # Steepest descent, which is left where the products of centred answers are wrong, takes 44.

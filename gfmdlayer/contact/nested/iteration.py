@@ -709,7 +709,10 @@ class GridLevel:
             return
         least = grid.sums.minimum(float(operator.min(initial=np.inf, where=operator > 0)))
         self.fits = {} if fits is None else fits
-        self._cycle = cycle_of(grid, operator, least, self.fits)
+        # A single point in contact, of radius dx/2, holds a rigid motion on a halfspace by 0.3/n of kappa_1.
+        # Where surfaces yield no point need hold it, but others take the place of those that open.
+        mean = 0.5 if problem.hardness < np.inf else 0.3 / max(grid.points)
+        self._cycle = cycle_of(grid, operator, least, self.fits, mean)
         self._held, self._answer = self._cycle.D[: self.r.size], self.transforms.empty_field()
         self._held[:] = -1.0  # not known
         self._changed = np.inf  # points of C since the coarser grids of the cycle know it

@@ -332,7 +332,7 @@ class NestedGradient:
         self._grid = grid or Grid(transforms.shape, (1.0,) * len(transforms.shape))
         self._fine: GridLevel | None = None
         self._stiffness: FloatArray = np.empty(0)
-        self._kind: tuple[object, ...] = ()  # whether no load is given, and the form
+        self._kind: tuple[object, ...] = ()  # whether no load is given, whether it yields, the form
         self._narrow: list[FloatArray] = []  # in single precision: pressure, gap, gap without pressure
         self._work = transforms.empty_spectrum()
         self._part = 0.0  # of a pair that is counted with the next step
@@ -393,8 +393,9 @@ class NestedGradient:
 
     def _level_of(self, problem: Problem) -> GridLevel:
         """The operators of the grid, made anew only where they have changed."""
-        form = form_of(self._grid, problem.stiffness, yields=problem.hardness < np.inf)
-        kind = problem.mean_pressure is None, form
+        yields = problem.hardness < np.inf
+        form = form_of(self._grid, problem.stiffness, yields=yields)
+        kind = problem.mean_pressure is None, yields, form
         same = kind == self._kind and np.array_equal(problem.stiffness, self._stiffness)
         if not self._grid.sums.minimum(int(same)):  # by all ranks, whoever's part has changed
             operator = problem, problem.stiffness, form
