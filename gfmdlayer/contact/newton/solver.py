@@ -90,7 +90,7 @@ _SHORTEST = 1 / 16  # part of the motion of the punch, at least, between two sta
 _CHANGE = 0.5
 _RESOLVED = 0.5  # likewise down the energy
 # Growth of the steps down the energy, at most, and after one that was refused; and their cut.
-_LONGER, _LONGER_AFTER, _SHORTER = 8.0, 2.0, 2.0
+_LONGER, _LONGER_AFTER, _SHORTER = 3.0, 2.0, 2.0
 _ESCAPE = 0.3  # damping after a negative curvature, over the largest pressure out of balance per range
 _TOO_FAR = 0.1  # part of such a step that is taken at least
 _AT_REST = 0.1  # damping, over kappa_1, below which there is none
