@@ -458,4 +458,4 @@ class _View:
         total = force * (self._points / self._p_s)
         carried = np.minimum(self.bound, np.maximum(self.p, 0.0)).sum()
         *sums, largest = self._ranks.total(np.append(self.t.sum(axis=1), carried)).tolist()
-        return math.dist(sums, total) / max(largest, 1e-300)
+        return math.dist(sums, total.tolist()) / max(float(largest), 1e-300)
