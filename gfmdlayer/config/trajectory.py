@@ -458,9 +458,13 @@ def _problems_beside(config: Any, at: Location, words: str) -> Iterator[Mistake]
             law = (dotted(at),)
             yield Mistake(place, f"{message} with {words}", law, because=because)
     if config.hardness is not None:
-        reason = "where surfaces yield, shear lowers the hardness; remove one of the two laws"
+        reason = (
+            "the solver with friction has no limit of the pressure, and where surfaces yield, shear lowers "
+            "the hardness (p^2 + alpha t^2 = H^2, D. Tabor 1959), for which a measured alpha is missing; "
+            "remove one of the two laws"
+        )
         message = f"{words} beside a hardness is not available: {reason}"
-        yield Mistake(at, message, ("interface",), chooses=at[0] == "interface", because="physics")
+        yield Mistake(at, message, ("interface",), chooses=at[0] == "interface", because="open")
 
 
 def _without_shear(body: Any) -> tuple[bool, str, Reason]:

@@ -220,7 +220,8 @@ class LinearSystem:
         kept: Ones | None,
         blocks: tuple[BlockInverse, BlockInverse] | None = None,
     ) -> None:
-        self.sets, self.size = sets, C.size
+        # Of linear algebra even the last bits must be those of all processes, which decide by them: `shared`.
+        self.sets, self.size, self.shared = sets, C.size, problem.ranks.shared
         self._inverses: list[Intervals] = []
         if blocks is not None:
             groups = sets.points, sets.points[sets.stick]
@@ -295,7 +296,7 @@ class LinearSystem:
             return z
         root = math.sqrt(self.sets.count)
         lack = v[free:].astype(float) * root - self._sums(z)
-        c = np.linalg.lstsq(self.sums_of_ones, lack, rcond=None)[0]
+        c = self.shared(np.linalg.lstsq(self.sums_of_ones, lack, rcond=None)[0])
         for part, one in zip(c, self.ones, strict=True):
             z = z + np.float32(part) * one
         return np.concatenate((z, c.astype(np.float32)))
@@ -366,6 +367,7 @@ def gmres(
     apply: Callable[[NDArray[Any]], NDArray[Any]],
     precondition: Callable[[NDArray[Any]], NDArray[Any]],
     products: Callable[[NDArray[Any], NDArray[Any]], NDArray[Any]],
+    shared: Callable[[Any], Any],
     b: NDArray[Any],
     inexact: float,
     most: int,
@@ -391,8 +393,8 @@ def gmres(
         H[k + 1, k] = math.sqrt(products(w, w))
         if not np.isfinite(H[: k + 2, k]).all():
             return np.full(b.size, np.nan), k + 1
-        y = np.linalg.lstsq(H[: k + 2, : k + 1], aim[: k + 2], rcond=None)[0]
-        left = float(np.linalg.norm(H[: k + 2, : k + 1] @ y - aim[: k + 2]))
+        y = shared(np.linalg.lstsq(H[: k + 2, : k + 1], aim[: k + 2], rcond=None)[0])
+        left = shared(float(np.linalg.norm(H[: k + 2, : k + 1] @ y - aim[: k + 2])))
         if left <= inexact or not H[k + 1, k] > 1e-6 * np.abs(H[: k + 1, k]).max():
             break
         V[k + 1] = w / np.float32(H[k + 1, k])
@@ -470,7 +472,8 @@ class FrictionNewton:
             solution = system.solve_on_line(b, inexact)
         else:
             most = _ROLLING if C.rolls else INNER
-            solution, _ = gmres(system.apply, system.precondition, system.products, b, inexact, most)
+            parts = system.apply, system.precondition, system.products, system.shared
+            solution, _ = gmres(*parts, b, inexact, most)
         moved = base + sets.moved(sets.expanded(solution[: sets.free]))
         if sets.axes == 2:  # a direction of slip that has turned far: back to the circle
             p = moved[0, sets.slip]

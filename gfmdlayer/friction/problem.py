@@ -267,7 +267,7 @@ def path_in_plane(
 ) -> FloatArray:
     """Return the path of two axes by Newton's method down the convex function."""
     # With z = y + D it is the sum of |z|^2/2 in the disks, continued linearly outside, less total D.
-    largest = ranks.total(float(np.minimum(radii, norms(y)).sum())) + float(np.linalg.norm(total))
+    largest = ranks.total(float(np.minimum(radii, norms(y)).sum())) + math.hypot(*total.tolist())
 
     def looked_at(D: FloatArray) -> tuple[FloatArray, float]:
         z = y + D[:, np.newaxis]
@@ -290,18 +290,22 @@ def path_in_plane(
         most = [np.minimum(radii, length).max(initial=0.0), length.max(initial=0.0)]
         farthest = 2 * float(ranks.maximum(np.array(most)).sum())
         change *= min(1.0, farthest / max(float(np.linalg.norm(change)), 1e-300))
-        size, part = float(np.linalg.norm(off)), 1.0
+        # Of linear algebra even the last bits must be those of all processes, which decide by them.
+        change, descent, size, length_D = ranks.shared(
+            (change, float(off @ change), float(np.linalg.norm(off)), float(np.linalg.norm(D)))
+        )
+        part = 1.0
         while part > 1e-6:
             new, lower = looked_at(D + part * change)
-            left = float(np.linalg.norm(new))
+            left = math.hypot(*new.tolist())
             close = left < 1e-6 * largest  # where the values differ by rounding
-            if (close and left <= size) or lower <= value + 1e-4 * part * float(off @ change):
+            if (close and left <= size) or lower <= value + 1e-4 * part * descent:
                 break
             part /= 2
         else:
             break
         D, off, value = D + part * change, new, lower
-        if part * np.linalg.norm(change) <= 1e-14 * (np.linalg.norm(D) + 1) or left < 1e-14 * largest:
+        if part * math.hypot(*change) <= 1e-14 * (length_D + 1) or left < 1e-14 * largest:
             break
     return D
 
@@ -458,4 +462,4 @@ class _View:
         total = force * (self._points / self._p_s)
         carried = np.minimum(self.bound, np.maximum(self.p, 0.0)).sum()
         *sums, largest = self._ranks.total(np.append(self.t.sum(axis=1), carried)).tolist()
-        return math.dist(sums, total) / max(largest, 1e-300)
+        return math.dist(sums, total.tolist()) / max(float(largest), 1e-300)

@@ -19,7 +19,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Collection, Sequence
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 from functools import cached_property
 from hashlib import blake2b
 from typing import Any, NamedTuple
@@ -46,6 +46,7 @@ class Response:
     coupling: FloatArray  # C_WU
     along: FloatArray  # C_UU
     across: FloatArray  # C_VV; without a meaning on a line
+    _: KW_ONLY
     ranks: Ranks = ALONE  # the processes that hold the modes
 
     @classmethod

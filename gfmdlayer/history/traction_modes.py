@@ -101,7 +101,7 @@ class VectorModes(Saving):
         longest = self.spectrum.times[relevant].max(initial=0.0)
         some = np.linalg.det(relaxed).real > 0
         contrast = np.linalg.eigvals(np.linalg.solve(relaxed[some], glassy[some])).real.max(initial=1.0)
-        return math.prod(self._ranks.maximum(np.array([contrast, longest])).tolist())
+        return float(self._ranks.maximum(np.array([contrast, longest])).prod())
 
     def curvature_stress(self, curvature: ComplexArray) -> ComplexArray:
         """Return the part of the traction at the end of the step that is due to dt^2 x''/2."""

@@ -295,7 +295,8 @@ def test_the_compiled_linear_systems_of_a_line_have_the_solutions_of_the_plain_o
     compiled, off = LinearSystem.solve_on_line, []
 
     def both(system, b, inexact):
-        plain, iterations = gmres(system.apply, system.precondition, system.products, b, inexact, INNER)
+        parts = system.apply, system.precondition, system.products, system.shared
+        plain, iterations = gmres(*parts, b, inexact, INNER)
         found = compiled(system, b, inexact)
         if iterations < INNER:  # else neither has come to its end
             off.append(np.linalg.norm(found - plain) / np.linalg.norm(plain))
