@@ -218,7 +218,7 @@ class SurfaceFilter(Filter):
             aligned(2 * count * block, single).view(self._spectrum.dtype) for _ in range(2)
         )
         functions = fftw.execute_dft_r2c, fftw.execute_dft, fftw.execute_dft_c2r
-        self._plans = (
+        self._plans: Any = (
             tuple(map(address, functions)),
             row_plans(transforms.shape, threads, single),
             whole,
