@@ -22,7 +22,7 @@ from gfmdlayer.grid.library import FftwAxis, FftwError, cores, library
 
 # Points of a field below which threads are not used: there a transform takes about a millisecond. On busy
 # cores they lost up to 1024 x 1024 points and were even at 2048 x 2048; on two idle ones a first solve of
-# 512 x 512 is even, and of 2048 x 2048 1.34 times as fast.
+# 512 x 512 is .88 times as fast, of 1024 x 1024 even, and of 2048 x 2048 1.16 times as fast.
 WORTH_THREADS = 1 << 18
 # Points of a surface from which two threads have been measured not to lose on busy cores either.
 ALWAYS_WORTH_THREADS = 1 << 22

@@ -209,26 +209,24 @@ class SurfaceFilter(Filter):
         fftw, block = SINGLE if single else DOUBLE, min(_COLUMNS * threads, width)
         # From one row to the next it is farther than a page of large surfaces: copies go there less often.
         copied = transforms.size > BY_BLOCKS
-        whole, rest = (
+        self._whole, self._rest = (
             filter_plans((count, width), number, threads, single, copied) if number else (0, 0, 0, 0)
             for number in (block, width % block)
         )
+        self._rows = row_plans(transforms.shape, threads, single)
+        self._functions = (
+            address(fftw.execute_dft_r2c), address(fftw.execute_dft), address(fftw.execute_dft_c2r)
+        )  # fmt: skip
         self._factors = np.ascontiguousarray(factors.reshape(count, width).T).ravel()  # as in the buffer
         self._near, self._far = (
             aligned(2 * count * block, single).view(self._spectrum.dtype) for _ in range(2)
         )
-        functions = fftw.execute_dft_r2c, fftw.execute_dft, fftw.execute_dft_c2r
-        self._plans = (
-            tuple(map(address, functions)),
-            row_plans(transforms.shape, threads, single),
-            whole,
-            rest,
-        )
 
     def __call__(self, field: Any, target: Any) -> None:
         """Write the field of the multiplied modes; both flat, from `Transforms.empty_field`."""
-        work = self._transforms.spectral_shape[0], self._factors, self._near, self._far
-        _filter_surface(*self._plans, *work, field, self._spectrum, target)
+        plans = self._functions, self._rows, self._whole, self._rest
+        count, buffers = self._transforms.spectral_shape[0], (self._near, self._far)
+        _filter_surface(*plans, count, self._factors, *buffers, field, self._spectrum, target)
 
 
 @kernel(reorder=True, borrows=True)

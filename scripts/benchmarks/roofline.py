@@ -28,7 +28,7 @@ from benchmarks.slabs import configuration
 
 from gfmdlayer.case.case import Case
 from gfmdlayer.contact.nested.iteration import ParallelPasses
-from gfmdlayer.grid.transforms import Transforms
+from gfmdlayer.grid.transforms import SurfaceFilter, Transforms
 
 EFFORT = Effort(points=(512, 1024, 2048), repetitions=5)
 QUICK = Effort(points=(512,), repetitions=2)
@@ -36,6 +36,7 @@ QUICK = Effort(points=(512,), repetitions=2)
 _THREADS = (1, 2)
 _STREAMED = 1 << 23  # numbers of each of the three arrays of a thread, 64 MiB
 _NUMBERS_OF_A_PAIR = 8  # read or written at each point, at least
+_NUMBERS_OF_A_FILTER = 6.5  # likewise: columns are read and written once, factors are half a number a point
 # Arrays that a pass reads and writes, where the load is given and there is no hardness.
 _ARRAYS = {
     "advance": (("x", "y", "step", "change"), ("x", "y", "r")),
@@ -46,7 +47,6 @@ _ARRAYS = {
     "project": (("x", "r", "d"), ("step",)),
     "respond": (("x", "step", "change"), ()),
     "extent": (("h", "p", "gap"), ("gap",)),
-    "multiply": (("factors", "spectrum"), ("spectrum",)),
     "displace": (("stiffness", "intercept", "pressure"), ("u", "pressure")),
     "settle": (("h", "p", "gap"), ("gap", "u")),
 }
@@ -172,6 +172,10 @@ def _clocked(points: int, solve: Callable[[], object]) -> tuple[float, dict[str,
         field = source if source.dtype.kind == "f" else target
         return _named("transform", field.itemsize == 4, field.size, field.nbytes * _NUMBERS_OF_A_PAIR / 2)
 
+    def of_filter(field: Any, _target: Any) -> tuple[str, float]:
+        moved = field.nbytes * _NUMBERS_OF_A_FILTER
+        return _named("filter: transforms, factors", field.itemsize == 4, field.size, moved)
+
     def _named(name: str, single: bool, size: int, moved: float) -> tuple[str, float]:
         if size < points**2 / 2:
             return _COARSER, np.nan
@@ -180,6 +184,7 @@ def _clocked(points: int, solve: Callable[[], object]) -> tuple[float, dict[str,
     with (
         patch.object(ParallelPasses, "__call__", timed(ParallelPasses.__call__, of_pass)),
         patch.object(ParallelPasses, "only", timed(ParallelPasses.only, of_pass)),
+        patch.object(SurfaceFilter, "__call__", timed(SurfaceFilter.__call__, of_filter)),
         patch.object(Transforms, "transform", timed(Transforms.transform, of_transform)),
         patch.object(Transforms, "transform_back", timed(Transforms.transform_back, of_transform)),
     ):
