@@ -5,11 +5,13 @@ import runpy
 import sys
 import tomllib
 from functools import cache
+from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
 
 import h5py
 import numpy as np
 import pytest
+from packaging.specifiers import SpecifierSet
 
 from gfmdlayer.config import Config, load
 from gfmdlayer.config.json_schema import json_schema
@@ -135,3 +137,25 @@ def test_each_dependency_has_a_line_with_its_bound():
     page = (ROOT / "docs/reference/dependencies.md").read_text(encoding="utf-8")
     listed = re.findall(r"^\| ([\w.]+) \| ([\d.]+) \| \S", page, re.MULTILINE)
     assert sorted(map(">=".join, listed)) == sorted(needed)
+
+
+def test_the_pinned_versions_install_on_the_first_python_that_is_supported():
+    """Debian's Python is 3.11.2; a release of 3.11.5 and later would stop the installation there."""
+    pins = [line.split("==") for line in (ROOT / "constraints.txt").read_text().splitlines() if "==" in line]
+    found = {name: distribution.metadata for name, _ in pins for distribution in installed(name)}
+    assert len(found) > 20  # of the extras that are installed here
+    refused = [
+        f"{name} {version}: {found[name]['Requires-Python']}"
+        for name, version in pins
+        if name in found and found[name]["Version"] == version
+        if not SpecifierSet(found[name]["Requires-Python"] or "").contains("3.11.0")
+    ]
+    assert refused == []
+
+
+def installed(name):
+    """Return the distribution of a name, if there is one."""
+    try:
+        return [distribution(name)]
+    except PackageNotFoundError:
+        return []
