@@ -106,7 +106,7 @@ def no_cycle() -> Cycle:
     return _cycle(Grid((1, 1), (1.0, 1.0)), [], 1.0, [], [], 0.0)
 
 
-class Fit(NamedTuple):
+class FittedStencil(NamedTuple):
     """What a stiffness is on a grid of a cycle, in physical units."""
 
     weights: FloatArray  # of the stencil
@@ -114,7 +114,7 @@ class Fit(NamedTuple):
     smoothing: float  # B s_0
 
 
-Fits = dict[tuple[tuple[int, ...], ...], Fit]  # by the points of a grid and of the next one
+Fits = dict[tuple[tuple[int, ...], ...], FittedStencil]  # by the points of a grid and of the next one
 
 
 def cycle_of(
@@ -147,7 +147,7 @@ def cycle_of(
     return cycle
 
 
-def _fit(points: tuple[int, ...], below: tuple[int, ...], kappa: FloatArray, kappa_1: float) -> Fit:
+def _fit(points: tuple[int, ...], below: tuple[int, ...], kappa: FloatArray, kappa_1: float) -> FittedStencil:
     """Fit a stiffness on a grid above another one."""
     grid, below = Grid(points, (1.0,) * len(points)), below[-len(points) :]
     modes = sample(grid)
@@ -157,7 +157,9 @@ def _fit(points: tuple[int, ...], below: tuple[int, ...], kappa: FloatArray, kap
     for wave, more, fewer in zip((*rows, columns), points, below, strict=True):
         lacking |= (2 * np.minimum(wave, more - wave) >= fewer) & (fewer < more)
     exact, fitted = np.maximum(kappa[modes], kappa_1), symbol(grid, taps, modes)
-    return Fit(taps, (lacking / exact).mean(), min(_SMOOTHING, _POSITIVE * float(taps[0] / fitted.max())))
+    return FittedStencil(
+        taps, (lacking / exact).mean(), min(_SMOOTHING, _POSITIVE * float(taps[0] / fitted.max()))
+    )
 
 
 def _shapes(shape: tuple[int, ...], stiffness: FloatArray) -> list[tuple[int, ...]]:
