@@ -52,9 +52,10 @@ _OF_THREADS: dict[str, tuple[Any, list[Any]]] = {
     "plan_with_nthreads": (None, [_INT]),
 }
 
-# FFTW's threads sleep between transforms. Those of GNU's OpenMP would turn for milliseconds instead, on the
-# cores of the passes in between: at 2048 x 2048 points these gained nothing by a second thread.
-_POLICY = "OMP_WAIT_POLICY"
+# What OpenMP reads when it is loaded. FFTW's threads sleep between transforms: they would turn for
+# milliseconds instead, on the cores of the passes in between, which at 2048 x 2048 points gained nothing by a
+# second thread. It never allows more threads later: two, where the other libraries of the process have one.
+_POLICY, _THREADS = "OMP_WAIT_POLICY", "OMP_NUM_THREADS"
 
 
 class FftwError(GfmdlayerError, ImportError):
@@ -146,15 +147,20 @@ def _file(folder: Path, name: str) -> Path | None:
 
 
 def _load(file: Path) -> Any:
-    policy = os.environ.get(_POLICY)
-    os.environ.setdefault(_POLICY, "passive")  # OpenMP reads it when it is loaded
+    before = {name: os.environ.get(name) for name in (_POLICY, _THREADS)}
+    os.environ.setdefault(_POLICY, "passive")
+    if before[_THREADS] == "1":
+        os.environ[_THREADS] = "2"
     try:
         return ctypes.CDLL(str(file))
     except OSError as error:
         raise FftwError(f"{VARIABLE}: {file} cannot be loaded: {error}") from None
     finally:
-        if policy is None:
-            del os.environ[_POLICY]
+        for name, value in before.items():
+            if value is not None:
+                os.environ[name] = value
+            else:
+                os.environ.pop(name, None)
 
 
 def _functions(

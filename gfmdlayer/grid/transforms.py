@@ -259,7 +259,7 @@ class Transforms:
 
     def __init__(self, shape: tuple[int, ...], *, threads: int = 1, single: bool = False) -> None:
         # Transforms of `fftw.WORTH_THREADS` points or more use the threads, of which OpenMP starts no more
-        # than OMP_NUM_THREADS allowed when the process began.
+        # than OMP_NUM_THREADS allowed, or two, when the process began.
         self.shape, self.threads, self.single = shape, threads, single
         self.points = shape  # along each axis, of all processes
         self.size, self.spectral_shape = math.prod(shape), (*shape[:-1], shape[-1] // 2 + 1)

@@ -74,8 +74,6 @@ def threads_each(
         environment["OMP_NUM_THREADS"] = str(asked)
     alone = jobs == 1 and preflight.launched_size(environment) in (None, 1) and len(cores()) > 1
     by_size = alone and "OMP_NUM_THREADS" not in environment
-    if by_size:
-        environment["OMP_NUM_THREADS"] = "2"  # OpenMP starts no more later
     for variable in preflight.THREAD_VARIABLES:
         environment.setdefault(variable, "1")
     count = environment["OMP_NUM_THREADS"].partition(",")[0]

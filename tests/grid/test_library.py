@@ -131,3 +131,22 @@ def test_check_and_run_refuse_a_library_that_is_not_there(tmp_path):
         assert done.returncode == 2
         assert "gfmdlayer: GFMDLAYER_FFTW=nowhere: no such folder" in done.stderr
     assert not list(tmp_path.glob("results/*/cases/*"))
+
+
+@of_a_wheel
+@pytest.mark.skipif(not Path("/proc/self/maps").exists(), reason="needs Linux's list of loaded libraries")
+def test_two_threads_are_there_where_other_libraries_have_one():
+    """The environment, which other processes inherit, stays as it is."""
+    script = """
+import ctypes, os
+before = dict(os.environ)
+import gfmdlayer.grid.fftw
+assert dict(os.environ) == before
+lines = open("/proc/self/maps").read().split()
+(place,) = {each for each in lines if "pyfftw.libs/libgomp" in each}
+print(ctypes.CDLL(place).omp_get_max_threads())
+"""
+    environment = os.environ | {"OMP_NUM_THREADS": "1"}
+    command = [sys.executable, "-W", "ignore", "-c", script]
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
+    assert done.stdout == "2\n"
