@@ -457,14 +457,12 @@ def _problems_beside(config: Any, at: Location, words: str) -> Iterator[Mistake]
         if is_refused:
             law = (dotted(at),)
             yield Mistake(place, f"{message} with {words}", law, because=because)
-    if config.hardness is not None:
-        reason = (
-            "the solver with friction has no limit of the pressure, and where surfaces yield, shear lowers "
-            "the hardness (p^2 + alpha t^2 = H^2, D. Tabor 1959), for which a measured alpha is missing; "
-            "remove one of the two laws"
+    if config.hardness is not None and config.trajectory.rolls:
+        message = (
+            "got a motion that rolls, beside a hardness: surfaces that roll take their imprint along, and "
+            "here it stays in the contact; must slide, without a creepage or a tangential force"
         )
-        message = f"{words} beside a hardness is not available: {reason}"
-        yield Mistake(at, message, ("interface",), chooses=at[0] == "interface", because="open")
+        yield Mistake(("trajectory", "velocity"), message, ("interface",), because="open")
 
 
 def _without_shear(body: Any) -> tuple[bool, str, Reason]:

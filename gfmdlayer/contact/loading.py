@@ -217,9 +217,13 @@ class Imprint(Saving):
         """Return the problem of a step with the height lost so far, and with pressures up to the hardness."""
         if not self.yields:
             return problem
-        return replace(problem, obstacle=problem.obstacle + self.depth, hardness=self.hardness)
+        return replace(problem, obstacle=self.on(problem.obstacle), hardness=self.hardness)
 
-    def remember(self, solution: Solution) -> None:
+    def on(self, heights: FloatArray) -> FloatArray:
+        """Return heights of the punch with the height lost so far."""
+        return heights + self.depth if self.yields else heights
+
+    def remember(self, flow: FloatArray | None) -> None:
         """Add the flow of an accepted step."""
-        if solution.flow is not None:
-            self.depth = self.depth + solution.flow
+        if flow is not None:
+            self.depth = self.depth + flow

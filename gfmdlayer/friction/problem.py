@@ -60,6 +60,12 @@ class FrictionProblem:
     interface: Interaction = HARD_WALL  # across the gap, beside the wall
     way: float | None = None  # along x, after which the state repeats itself; by default it is a step
     ranks: Ranks = ALONE  # the processes of whose grid these are the points
+    hardness: float = math.inf  # largest pressure of the wall; infinite where the surfaces do not yield
+
+    @property
+    def yields(self) -> bool:
+        """Whether pressures of the wall end at a hardness."""
+        return self.hardness < math.inf
 
     @cached_property
     def points(self) -> int:
@@ -137,6 +143,7 @@ class FrictionSolution:
     attraction: FloatArray | None = None  # tau across the gap, where the interface attracts
     released_energy: float = 0.0  # as of `contact.problem.Solution`
     margin: float = math.nan
+    flow: FloatArray | None = None  # height lost in the step, where the pressure is at the hardness
 
     @property
     def stress(self) -> FloatArray:

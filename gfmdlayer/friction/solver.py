@@ -9,6 +9,9 @@ wall, in which the attraction is a load on the body. Both are repeated until the
 the same: at once where shear does not move the surface up and down, else in some rounds. Where an edge jumps
 to and fro by grid points in the rounds, Newton's method finds the attraction that is that of its gap: the
 map from one to the other is continuous and bounded, so that there is one (Brouwer).
+
+A hardness is met in the same rounds: the height that surfaces lose under the last shear traction is part of
+the punch, until pressures at the hardness stay there.
 """
 
 from __future__ import annotations
@@ -47,14 +50,15 @@ _COARSEST = 16  # points of an axis
 _COARSE_TOLERANCE = 1e-4
 LIMIT = 60  # Newton steps
 NOT_POSITIVE = (
-    "without images the response is negative in some waves, for which the attraction beside friction has no "
-    "solver; must be without attraction or friction, or have a softer film or grid.boundary: periodic"
+    "without images the response is negative in some waves, for which attraction or a hardness beside "
+    "friction has no solver; must be without friction, or have a softer film or grid.boundary: periodic"
 )
 _FIRST_PART, _LEAST_PART = 0.25, 1 / 64  # of the friction that is raised, where Newton's method fails
 # Coarser grids improve a guess on a line down to these points, and to these points in contact an edge.
 _FEWEST, _APART = 64, 64
 _FEWEST_ROLLING = 10  # points along the contact on the coarsest grid of steady rolling
-_ROUNDS = 40  # of normal and frictional contact, where the interface attracts
+_UNSETTLED = "pressures at the hardness and shear traction do not settle; residual {:.2e}"
+_ROUNDS = 40  # of normal and frictional contact, where the interface attracts or the surfaces yield
 _STALLED = 6  # rounds without a smaller change of the attraction, before Newton's method
 # Of that: steps, difference of the attraction in parts of the largest stress.
 _NEWTON, _DIFFERENCE = 15, 1e-4
@@ -70,13 +74,19 @@ class FrictionSolver:
     starts_from: ClassVar[Literal["pressure"]] = "pressure"
 
     def __init__(
-        self, grid: Grid, transforms: Transforms, *, rough: bool = False, attracts: bool = False
+        self,
+        grid: Grid,
+        transforms: Transforms,
+        *,
+        rough: bool = False,
+        attracts: bool = False,
+        yields: bool = False,
     ) -> None:
-        # `rough`: the punch is rough, for the choice of the solver without friction. `attracts`: problems may
-        # have an interface that attracts.
+        # `rough`: the punch is rough, for the choice of the solver without friction. `attracts`, `yields`:
+        # problems may have an interface that attracts, or a hardness.
         self._spent, self._transforms, self._ranks = Spent(), transforms, grid.ranks
         shared = rough or grid.ranks.count > 1  # the solver of smooth punches is one of a single process
-        self._choice = choose(AUTO, axes=len(grid.points), rough=shared, attracts=attracts)
+        self._choice = choose(AUTO, axes=len(grid.points), rough=shared, attracts=attracts, yields=yields)
         self._mark = ""  # digest of the last response before the run was resumed
         self._levels = [FrictionLevel(grid, transforms, self._spent, 1.0)]
         while (coarser := self._levels[-1].coarser()) is not None:
@@ -110,10 +120,10 @@ class FrictionSolver:
             return self._smooth(
                 problem, *self._pressed(problem, None, start, gap, tolerance, limit), tolerance
             )
-        if problem.interface.attracts:
+        if problem.interface.attracts or problem.yields:
             if not problem.response.is_positive:
                 raise ValueError(NOT_POSITIVE)
-            return self._attracted(problem, start, gap, tolerance, limit)
+            return self._in_rounds(problem, start, gap, tolerance, limit)
         if problem.is_frictionless:  # no force acts on the punch, and its path is none
             problem = replace(problem, force=None)
         at, steps = self._under_a_wall(problem, start, tolerance, limit)
@@ -244,6 +254,7 @@ class FrictionSolver:
             - self._ranks.minimum(float(problem.heights.min())),
             interface=problem.interface,
             ranks=self._ranks,
+            hardness=problem.hardness,
         )
         if SOLVERS[self._choice.method].starts_from == "gap":
             guess = np.full(h.size, np.inf) if gap is None else gap.copy()
@@ -273,7 +284,7 @@ class FrictionSolver:
         path, why = np.zeros(len(u)) if problem.path is None else problem.path, ""
         if not normal.converged:
             why = frictionless.why_not_converged(normal_problem, normal, self._choice.method, tolerance)
-        displacement = np.vstack((normal.gap + depth - problem.heights, u))
+        displacement = np.vstack((normal.gap + depth - _raised(problem.heights, normal.flow), u))
         if problem.offset is not None:
             displacement[1:] += problem.offset[1:]
         return FrictionSolution(
@@ -293,9 +304,10 @@ class FrictionSolver:
             attraction=attraction,
             released_energy=normal.released_energy,
             margin=normal.margin,
+            flow=normal.flow,
         )
 
-    def _attracted(
+    def _in_rounds(
         self,
         problem: FrictionProblem,
         start: FloatArray | None,
@@ -303,7 +315,7 @@ class FrictionSolver:
         tolerance: float,
         limit: int,
     ) -> FrictionSolution:
-        """Solve for the pressure under the last shear, and for both under its attraction, in turns."""
+        """Solve for pressure and flow under the last shear, and for both under its attraction, in turns."""
         axes, law = problem.response.normal.ndim, problem.interface
         shear = np.zeros((axes, problem.heights.size)) if start is None else start[1:]
         released, steps, off = 0.0, 0, 1.0 if problem.response.couples else 0.0
@@ -312,10 +324,10 @@ class FrictionSolver:
         best, stalled = math.inf, 0
         for turn in range(_ROUNDS):
             enough = max(least, min(_OF_A_ROUND * off, _COARSE_TOLERANCE))
-            normal_problem, normal = self._pressed(problem, shear, None, gap, enough, limit)
+            normal_problem, normal = self._pressed(problem, shear, start, gap, enough, limit)
             released, steps, gap = released + normal.released_energy, steps + normal.iterations, normal.gap
             attraction = law.traction(gap)
-            p = _of_the_wall(normal.pressure, attraction, gap)
+            p = _of_the_wall(normal.pressure, attraction, gap) if law.attracts else normal.pressure
             touches = self._any(p)
             if normal.converged and not touches and (self._any(shear) or normal.residual > tolerance):
                 shear, mixing, off = np.zeros_like(shear), Mixing(MIXED, ranks=self._ranks), 0.0
@@ -323,22 +335,26 @@ class FrictionSolver:
             if not normal.converged or not touches:
                 apart = self._smooth(problem, normal_problem, normal, tolerance)
                 return replace(apart, released_energy=released, iterations=steps)
-            under = self._pulled(problem, attraction)
+            raised = replace(problem, heights=_raised(problem.heights, normal.flow), hardness=math.inf)
+            under = self._pulled(raised, attraction) if law.attracts else raised
             if reason := under.why_not_solvable():
                 apart = self._smooth(problem, normal_problem, normal, tolerance)
                 return replace(apart, iterations=steps, converged=False, reason=reason)
-            guess = np.vstack((p[np.newaxis], shear))
-            at, more = self._under_a_wall(under, guess, enough, limit, near=turn > 0)
+            start = np.vstack((p[np.newaxis], shear))
+            at, more = self._under_a_wall(under, start, enough, limit, near=turn > 0)
             steps += more
             solution = _solution(under, at, steps, self._spent.pairs, enough)
             change = np.abs(law.traction(np.maximum(solution.gap, 0.0)) - attraction)
+            if problem.yields:
+                solution, beyond = _up_to(problem.hardness, solution, normal.flow)
+                change = np.maximum(change, beyond)
             most, *units = self._largest(change, p, attraction)
             off = most / max(units)
             solution = replace(
                 solution,
                 gap=np.where(solution.contact, 0.0, np.maximum(solution.gap, 0.0)),
                 residual=max(solution.residual, off),
-                attraction=attraction,
+                attraction=attraction if law.attracts else None,
                 released_energy=released,
                 margin=normal.margin,
             )
@@ -352,6 +368,14 @@ class FrictionSolver:
             if stalled == _STALLED:
                 break
             shear = mixing.next(shear, solution.traction)
+        if problem.yields:
+            return replace(
+                nearest,
+                iterations=steps,
+                pairs=self._spent.pairs,
+                converged=False,
+                reason=_UNSETTLED.format(best),
+            )
         found = self._at_once(problem, nearest, tolerance, limit)
         return replace(
             found, iterations=found.iterations + steps, released_energy=jumped, margin=normal.margin
@@ -546,6 +570,21 @@ class FrictionLevel:
 def _of_the_wall(stress: FloatArray, attraction: FloatArray, gap: FloatArray) -> FloatArray:
     """Return the pressure of the wall where there is no gap."""
     return np.where(gap <= 0, np.maximum(stress + attraction, 0.0), 0.0)
+
+
+def _raised(heights: FloatArray, flow: FloatArray | None) -> FloatArray:
+    """Return the heights of the punch and surface that have lost more."""
+    return heights if flow is None else heights + flow
+
+
+def _up_to(
+    hardness: float, solution: FrictionSolution, flow: FloatArray | None
+) -> tuple[FrictionSolution, FloatArray]:
+    """Return a solution whose pressure is the hardness where it flows, and nowhere more; and the changes."""
+    p = np.minimum(solution.pressure, hardness)
+    if flow is not None:
+        p = np.where(flow > 0, hardness, p)
+    return replace(solution, pressure=p, flow=flow), np.abs(p - solution.pressure)
 
 
 def _levels_of(start: FloatArray, grid: Grid) -> int:

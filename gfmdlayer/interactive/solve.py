@@ -27,7 +27,7 @@ from gfmdlayer.case.parts import Parts
 from gfmdlayer.case.wider_cell import wider_cell, within
 from gfmdlayer.config import Config, ConfigError
 from gfmdlayer.config.reader import body_of, from_python
-from gfmdlayer.contact.loading import Loading, is_pulled_off
+from gfmdlayer.contact.loading import Imprint, Loading, is_pulled_off
 from gfmdlayer.contact.problem import in_contact, why_not_converged
 from gfmdlayer.contact.reach import EDGE, Reach
 from gfmdlayer.drives import Drives
@@ -239,8 +239,8 @@ def solve(
     grid = Grid(config.grid.points, config.grid.period)
     _check_grid(body, grid)
     law: Interaction = Drives(config).interface if "interface" in sections else interface  # type: ignore[assignment]
-    if frictional:
-        _check_friction(frictional, yields=config.hardness is not None)
+    if frictional and "friction" not in frictional:
+        raise ConfigError([f"{name}: only with friction; remove it" for name in frictional])
     boundary = _boundary(isolated, grid, datum)
     if mean_pressure is not None and boundary:
         raise ConfigError(["mean_pressure: given with isolated=True; must be depth or force"])
@@ -418,7 +418,7 @@ def _without_friction(given: _Asked) -> xarray.Dataset:
         contact = NormalContact(Parts(config, grid=grid, body=body, punch=given.heights, interface=law))
         given.kept[grid.points] = contact
     problem = contact.imprint.under(loading.problem(kappa, nothing, 0.0))
-    if message := _beyond_the_hardness(problem):
+    if message := _beyond_the_hardness(problem.mean_pressure, law, problem.hardness):
         raise ConfigError([message])
     solution = contact.solve(problem, given.number)
     if is_pulled_off(problem.mean_pressure, solution.gap, law):
@@ -435,7 +435,7 @@ def _without_friction(given: _Asked) -> xarray.Dataset:
             raise _TooWideError(beyond, problem, solution)
         reach.remember(solution.pressure, noise)
         given.warn(reach)
-    contact.imprint.remember(solution)
+    contact.imprint.remember(solution.flow)
     if given.more:
         start = getattr(solution, contact.solver.starts_from)
         contact.guess.remember(given.number, start, solution.gap, at_breakpoint=True)
@@ -448,14 +448,6 @@ def _without_friction(given: _Asked) -> xarray.Dataset:
     if contact.imprint.yields:
         parts |= {"imprint": contact.imprint.depth}
     return _dataset(given, problem, solution, surface, reach, parts)
-
-
-def _check_friction(options: Mapping[str, object], *, yields: bool) -> None:
-    """Raise a ConfigError for options without a bound of friction, or friction where it has no solver."""
-    if "friction" not in options:
-        raise ConfigError([f"{name}: only with friction; remove it" for name in options])
-    if yields:
-        raise ConfigError(["friction: not with a hardness; remove one"])
 
 
 def _check_grid(body: Body, grid: Grid) -> None:
@@ -526,16 +518,16 @@ def _heights(punch: ArrayLike | Callable[..., ArrayLike] | Shape, grid: Grid) ->
         raise ConfigError([f"punch: {error}"]) from None
 
 
-def _beyond_the_hardness(problem: Problem) -> str:
+def _beyond_the_hardness(target: float | None, law: Interaction, hardness: float) -> str:
     """Return why surfaces of a hardness do not bear the attraction or the mean pressure, or ""."""
-    target, hardness = problem.mean_pressure, problem.hardness
-    if message := weak(problem.interface, hardness):
+    if message := weak(law, hardness):
         return f"interface: {message}"
-    if target is None or target < problem.flow_stress:
+    pull = law.traction_in_contact if law.attracts else 0.0
+    if target is None or target < hardness - pull:
         return ""
     most = f"the hardness {hardness!r}"
-    if problem.interface.attracts:
-        most = f"{problem.flow_stress:.6g}, {most} less the attraction in contact"
+    if law.attracts:
+        most = f"{hardness - pull:.6g}, {most} less the attraction in contact"
     return f"mean pressure: got {target!r}; must be below {most}"
 
 
@@ -620,8 +612,11 @@ def with_friction(
         raise ConfigError(["tangential_force: given with tangential_displacement; must be one of the two"])
     grid, interface = given.grid, given.interface
     response, axes = _response(given, given.body), len(grid.points)
-    method = FrictionSolver(grid, Transforms(grid.points), attracts=interface.attracts)
+    imprint = Imprint(given.heights.size, given.config.hardness or math.inf)
+    method = FrictionSolver(grid, Transforms(grid.points), attracts=interface.attracts, yields=imprint.yields)
     moved, before, start, gap = _taken_from(previous, given)
+    if imprint.yields and previous is not None and "imprint" in previous:
+        imprint.remember(given.within(previous["imprint"].to_numpy(), 0.0))
     if given.boundary and start is not None:  # the displacements of a result are not known everywhere
         before = method.displacements(response, start)[1:]
     force, at = None, moved
@@ -632,7 +627,7 @@ def with_friction(
     control, value = given.target
     problem = FrictionProblem(
         response,
-        given.heights,
+        imprint.on(given.heights),
         _law(friction),
         load=value if control == "load" else None,
         depth=value if control == "depth" else 0.0,
@@ -640,11 +635,9 @@ def with_friction(
         path=None if force is not None else at - moved,
         before=before,
         interface=interface,
+        hardness=imprint.hardness,
     )
-    if reason := problem.why_not_solvable():
-        raise ConfigError([f"tangential_force: {reason}"])
-    if interface.attracts and not response.is_positive:
-        raise ConfigError([f"isolated: {NOT_POSITIVE}"])
+    _check(problem)
     tolerance, limit = solver.get("tolerance", _TOLERANCE), solver.get("max_iterations", _LIMIT)
     solution = method.solve(problem, start, gap=gap, tolerance=tolerance, limit=limit)
     reach = None if given.boundary is None else Reach(grid, given.boundary)
@@ -656,13 +649,30 @@ def with_friction(
         given.warn(reach)
     if not solution.converged:
         raise ConvergenceError(solution.reason)
+    imprint.remember(solution.flow)
+    own = _of_bodies(given, method, solution) | ({"imprint": imprint.depth} if imprint.yields else {})
+    return _frictional_dataset(given, solution, moved + solution.path, reach, own)
+
+
+def _check(problem: FrictionProblem) -> None:
+    """Raise a ConfigError for a problem that has no solution, or no solver."""
+    if message := _beyond_the_hardness(problem.load, problem.interface, problem.hardness):
+        raise ConfigError([message])
+    if reason := problem.why_not_solvable():
+        raise ConfigError([f"tangential_force: {reason}"])
+    if (problem.interface.attracts or problem.yields) and not problem.response.is_positive:
+        raise ConfigError([f"isolated: {NOT_POSITIVE}"])
+
+
+def _of_bodies(given: _Asked, method: FrictionSolver, solution: FrictionSolution) -> dict[str, FloatArray]:
+    """Return the displacement of each body of a pair; nothing for one body."""
     own: dict[str, FloatArray] = {}
     if isinstance(given.body, Pair):
         p, *t = solution.loads
         for name, each, sign in (("body", given.body.first, 1), ("counterbody", given.body.second, -1)):
             loads = np.stack((p, *(sign * along for along in t)))
             own[f"displacement_{name}"] = -method.displacements(_response(given, each), loads)[0]
-    return _frictional_dataset(given, solution, moved + solution.path, reach, own)
+    return own
 
 
 def _response(given: _Asked, body: Any) -> AnyResponse:

@@ -74,7 +74,7 @@ def test_pressure_gap_and_imprint_satisfy_the_conditions_of_plasticity():
     np.testing.assert_allclose(force, p, atol=TOLERANCE * scale)
     assert found.flow.max() > 0.01 * depth
     # Under the same load again there is nothing left to flow.
-    case.contact.imprint.remember(found)
+    case.contact.imprint.remember(found.flow)
     problem = case.contact.imprint.under(case.contact.loading.problem(kappa, b, 1.0))
     again = case.contact.solver.solve(problem, p, TOLERANCE, 1000)
     assert again.flow is not None

@@ -51,6 +51,9 @@ CASES = {
     "partial slip": RUBBING.replace(
         "ramp_time: 0.2", "ramp_time: 0.2, tangential: {displacement: 2.0e-3, start: 0.1, ramp_time: 0.2}"
     ).replace("patches: true", "patches: true, inside: {depths: [0.03, 0.15], every: 1}"),
+    "yielding": RUBBING.replace("coefficient: 0.3}", "coefficient: 0.3}, {law: hard_wall, hardness: 0.4}]")
+    .replace("interface: {", "interface: [{")
+    .replace("ramp_time: 0.2", "ramp_time: 0.2, tangential: {displacement: 2.0e-3, ramp_time: 0.3}"),
     "creepage": RUBBING.replace(ROUGH, "parabola").replace("0.3, step: 0.1", "0.4, step: 0.05")
     .replace("ramp_time: 0.2", "ramp_time: 0.2, velocity: 0.5, creepage: {x: 0.01, spin: 0.1}"),
 }  # fmt: skip
@@ -131,26 +134,37 @@ def test_ranks_have_the_results_of_one_process(of_two_ranks, run_here):
     for name in CASES:
         run_here(f"{name}.yaml", Path(name))
         one, two = case(name), case(of_two_ranks / name)
-        assert set(one.variables) == set(two.variables)
-        # Solved to 1e-10, the first residual above it and the last below differ between orders of summation,
-        # and so does the bound on the margin, which is found to some percent.
-        for column in set(one.data_vars) - {"residual", "iterations", "transforms", "margin"}:
-            # The residual of the balance is a difference of energies, which agree to 1e-9 of the work; the
-            # error of the area comes from second differences of fields, and agrees to 1e-9 of the area.
-            # Tractions are solved as vectors.
-            wholes = {"energy_residual": "work", "area_error": "area_interpolated"}
-            wholes |= {"shear_y": "shear_x", "transverse_force": "tangential_force"}
-            wholes |= {"slip_velocity_y": "slip_velocity_x", "slip_heat": "work"}
-            wholes["contact_area_error"] = "contact_area_interpolated"
-            of = one[wholes.get(column, column)]
-            scale = float(np.abs(of).max()) or 1.0
-            atol = (1e-9 if one[column].dtype == np.float64 else 1e-7) * scale  # or single precision
-            np.testing.assert_allclose(
-                two[column], one[column], rtol=0, atol=atol, err_msg=f"{name}: {column}"
-            )
+        assert_alike(one, two, name)
         assert two.attrs["digest"] == one.attrs["digest"]
         found = sorted(path.name for path in (of_two_ranks / name / "cases").iterdir())
         assert found == [".lock", "0000.h5", "0000.xdmf"]
+
+
+def assert_alike(one, two, name):
+    assert set(one.variables) == set(two.variables)
+    # Solved to 1e-10, the first residual above it and the last below differ between orders of summation,
+    # and so does the bound on the margin, which is found to some percent.
+    for column in set(one.data_vars) - {"residual", "iterations", "transforms", "margin"}:
+        # The residual of the balance is a difference of energies, which agree to 1e-9 of the work; the
+        # error of the area comes from second differences of fields, and agrees to 1e-9 of the area.
+        # Tractions are solved as vectors.
+        wholes = {"energy_residual": "work", "area_error": "area_interpolated"}
+        wholes |= {"shear_y": "shear_x", "transverse_force": "tangential_force"}
+        wholes |= {"slip_velocity_y": "slip_velocity_x", "slip_heat": "work"}
+        wholes["contact_area_error"] = "contact_area_interpolated"
+        of = one[wholes.get(column, column)]
+        scale = float(np.abs(of).max()) or 1.0
+        atol = (1e-9 if one[column].dtype == np.float64 else 1e-7) * scale  # or single precision
+        np.testing.assert_allclose(two[column], one[column], rtol=0, atol=atol, err_msg=f"{name}: {column}")
+
+
+@pytest.mark.slow
+def test_three_ranks_have_the_results_of_one_process(run_here):
+    process = over_ranks(3, f"sys.exit(several(*{[*CASES]}, ranks=3))")
+    assert process.returncode == 0, process.stderr
+    for name in CASES:
+        run_here(f"{name}.yaml", Path("one", name))
+        assert_alike(case(Path("one", name)), case(name), name)
 
 
 @pytest.mark.parametrize("name", ["adhesive", "sliding", "partial slip"])

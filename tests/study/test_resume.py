@@ -98,6 +98,11 @@ BODIES["frictional adhesive"] = FRICTION | {
     "layer.poisson": 0.4,
 }
 RUNS += [("frictional adhesive", steps, "auto") for steps in ("adaptive", "exponential")]
+BODIES["frictional yielding"] = FRICTION | {
+    "interface": [{"law": "coulomb", "coefficient": 0.3}, {"law": "hard_wall", "hardness": 0.2}],
+    "layer.poisson": 0.4,
+}
+RUNS += [("frictional yielding", steps, "auto") for steps in ("adaptive", "exponential")]
 RUNS += [("in a window", "adaptive", "auto"), ("in a window", "exponential", "auto")]
 RUNS += [("without friction", "exponential", "auto")]
 RUNS += [("yielding", "adaptive", "nested_gradient"), ("yielding", "exponential", "nested_gradient")]
