@@ -48,6 +48,7 @@ _IMPOSED = {
     "tangential force": ("tangential force", "force"), "temperature": ("temperature", "degC"),
     "voltage": ("voltage", "V"),
 }  # fmt: skip
+_LEAST_WORK = 1e-6  # of the work of adhesion, beside which energies of a distant punch are rounding
 _ALONG = {"displacement": "displacement", "force": "tangential force"}  # the surface
 
 
@@ -239,10 +240,11 @@ class Drives:
         return tuple(time for quantity in every if quantity is not None for time in quantity.breakpoints)
 
     @property
-    def least_scales(self) -> tuple[float, float]:
-        """Smallest scales of response and depth: the range of an interface that attracts, else zero."""
-        reach = self.interface.range if self.interface.attracts else 0.0
-        return 0.0 if self.config.trajectory.places else reach, reach
+    def least_scales(self) -> tuple[float, float, float]:
+        """Smallest scales of response, depth and work: of an interface that attracts, else zero."""
+        law = self.interface
+        reach, work = (law.range, _LEAST_WORK * law.work) if law.attracts else (0.0, 0.0)
+        return 0.0 if self.config.trajectory.places else reach, reach, work
 
     @property
     def drawn(self) -> tuple[float, float, float]:

@@ -26,16 +26,18 @@ length at which the errors, which are proportional to it, will be within the tol
 steps start as after a breakpoint.
 
 Where u(t) is a straight line the error vanishes: an elastic body, or a flat punch, would be solved at the
-stops only. With a hard wall two more bounds follow from the rows; an attraction has its own, above:
+stops only. Two more bounds follow from the rows:
 
-* A curve can be drawn through them. The second divided difference of the last three responses gives the
-  deviation of the response from a straight line over the step, |bend| dt^2/4. It stays within a hundredth of
-  the largest response, or the step is rejected. Where a stretch begins, the deviation is unknown: at most
-  4/27 of the change, as that of a power 2/3 or 3/2 from zero. While the drive grows, the largest response is
-  expected from its largest value, as the response of a Hertzian contact grows.
+* With a hard wall, a curve can be drawn through them (an attraction has its own bound, above). The second
+  divided difference of the last three responses gives the deviation of the response from a straight line over
+  the step, |bend| dt^2/4. It stays within a hundredth of the largest response, or the step is rejected. Where
+  a stretch begins, the deviation is unknown: at most 4/27 of the change, as that of a power 2/3 or 3/2 from
+  zero. While the drive grows, the largest response is expected from its largest value, as the response of a
+  Hertzian contact grows.
 * The energy balance closes. What a step leaves open is the error of its work (`path_work`), of third order
   in the step at most like the error above, and bounds the next step in the same way: to the tolerance times
-  the largest work, which is expected as the largest response is. Most steps leave much less.
+  the largest work, which is expected as the largest response is. Most steps leave much less; a free layer
+  that an attraction bends leaves more, since its mean stress is a small part of its stresses.
 """
 
 from __future__ import annotations
@@ -61,6 +63,7 @@ Error = Callable[..., tuple[float, float]]
 
 # Measured over materials from Ginf/G0 = 2 to 100 and Prony series over five decades.
 _SAFETY = 0.9  # part of the tolerance that a step aims at
+_OF_ATTRACTED = 0.2  # the same of the balance under an attraction, whose errors have one sign over many steps
 _GROWTH = 2.0  # largest growth of a step; a steady state is found in windows shorter than fast growing steps
 _FIRST_GROWTH, _FIRST_STEPS = 4.0, 3  # the same for the first steps after the start or a breakpoint
 _SHRINK = (0.2, 0.8)  # range of the factor on a rejected step
@@ -304,8 +307,9 @@ def weigh(control: StepControl, work: float, imbalance: float) -> None:
     if 0.0 < now.prescribed < control.largest_drive:
         expected *= control.largest_drive / now.prescribed
     now.largest_work, now.imbalance = max(now.largest_work, abs(work)), imbalance
-    if left_open > 0.0 and now.last_step > 0.0 and not control.attracted:
-        room = _SAFETY * control.tolerance * max(now.largest_work, expected) / left_open
+    if left_open > 0.0 and now.last_step > 0.0:
+        part = _OF_ATTRACTED if control.attracted else _SAFETY
+        room = part * control.tolerance * max(now.largest_work, expected) / left_open
         now.next_step = min(now.next_step, max(room ** (1 / 3), _SHRINK[0]) * now.last_step)
 
 
@@ -360,14 +364,14 @@ class AdaptiveSteps:
         tolerance: float,
         stops: Sequence[Instant],
         shortest_time: float,
-        least: tuple[float, float] = (0.0, 0.0),
+        least: tuple[float, float, float] = (0.0, 0.0, 0.0),
         drawn: DrawnDrive | None = None,
     ) -> None:
         # The tolerance is the largest error of the response relative to its largest value so far, and of the
         # displacement relative to the largest depth so far. Steps land on the `stops`, from the start to the
         # end. `shortest_time` is the shortest relevant relaxation time at the start. `least` has the smallest
-        # scales of response and depth; the scale of the depth is the range of an interface that attracts, and
-        # zero for a hard wall. `drawn` is the drive as far as a curve is drawn over it.
+        # scales of response, depth and work; the scale of the depth is the range of an interface that
+        # attracts, and zero for a hard wall. `drawn` is the drive as far as a curve is drawn over it.
         drawn = drawn or DrawnDrive(0.0, 1.0, math.inf)
         self._stops = stops
         self.control = StepControl(
@@ -385,7 +389,7 @@ class AdaptiveSteps:
             behind=np.zeros(1, STEP_STATE),
         )
         now = self.control.now[0]
-        now["largest_response"], now["largest_depth"] = least
+        now["largest_response"], now["largest_depth"], now["largest_work"] = least
 
     def __iter__(self) -> Iterator[Instant]:
         """Yield the time points in order; a shorter step follows a rejected one."""
