@@ -58,6 +58,7 @@ UNBALANCED = "UNBALANCED"  # with this word the warning begins
 # own; or with fixed steps.
 TOLERANCES, _OF_SOLVER, _CLOSED = 3, 10, 0.01
 _SURE = 0.5  # part of the step or tolerance that would just do
+_OF_A_SWING = 40  # steps, of which errors fall with the step: fewer draw another motion
 
 
 class EnergyBalance(Observable):
@@ -91,6 +92,8 @@ class EnergyBalance(Observable):
         self._time, self._solver_tolerance = case.config.time, case.config.solver.tolerance
         self._grid_limits = case.config.trajectory.moves and case.config.refines
         self._longest = max(stop.step for stop in case.drives.landings)  # step, of fixed ones
+        swing = case.config.trajectory.tangential
+        self._turns = math.inf if swing is None or swing.period is None else swing.period / _OF_A_SWING
         *_, self._spin = case.config.creepages
         self._field: tuple[float, FloatArray] | None = None  # time and gap, where the interface changes
         self._rows: deque[PathPoint] = deque(maxlen=2)  # of the way up to here
@@ -173,7 +176,8 @@ class EnergyBalance(Observable):
         else:
             assert not isinstance(self._time.step, str)
             euler = self._time.integrator == "backward_euler"
-            said = unbalanced(part, step=min(self._time.step, self._longest), euler=euler)
+            step = min(self._time.step, self._longest)
+            said = unbalanced(part, step=step, euler=euler, turns=self._turns)
         # The shortest wave of the grid relaxes under a punch that moves, but has no slope along x.
         return f"{said}, or more grid.points, or both" if said and self._grid_limits else said
 
@@ -217,17 +221,20 @@ def unbalanced(
     *,
     step: float = 0.0,
     euler: bool = False,
+    turns: float = math.inf,
     section: str = "time.",
 ) -> str:
     """Say that energies miss a part of the work, and the tolerance or the equal step that would close it."""
+    # `turns` is the longest step that draws an oscillation.
     limit = _CLOSED if step else TOLERANCES * (tolerance + of_solver)
     if part <= limit:
         return ""
     # Of second order only if steps are short beside the ramps; errors scatter, but for backward Euler's.
-    shorter = rounded_down(_SURE * (step or tolerance) * limit / part)
+    shorter = rounded_down(min(_SURE * (step or tolerance) * limit / part, turns))
     if euler:  # the end and the snapshots are a whole number of steps
         tens = itertools.product((1.0, 2.0, 4.0, 5.0, 8.0), (10.0**k for k in range(12)))
-        shorter = f"{step / min(parts for each in tens if (parts := math.prod(each)) >= part / limit):.15g}"
+        least = max(part / limit, step / turns)
+        shorter = f"{step / min(parts for each in tens if (parts := math.prod(each)) >= least):.15g}"
     remedy = f"{section}{'step' if step else 'tolerance'} {shorter}"
     return f"{UNBALANCED}: the energies miss {part:.2g} of the work, more than {limit:.2g}; use {remedy}"
 

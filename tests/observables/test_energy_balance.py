@@ -300,6 +300,24 @@ def test_an_open_balance_is_a_warning_with_the_step_that_closes_it(integrator):
     assert warnings_with(step) == []
 
 
+def test_steps_that_miss_an_oscillation_are_told_one_that_draws_it():
+    """At two steps in a period another motion is seen, whose error says nothing about shorter steps."""
+
+    def warnings_with(step):
+        swing = {"kind": "oscillation", "displacement": 6e-3, "start": 1.0, "period": 1.0}
+        config = Config(
+            name="swing", grid={"points": 256}, layer={"thickness": 0.1, "poisson": 0.45},
+            interface={"law": "coulomb", "coefficient": 0.4}, trajectory={"depth": 0.02, "tangential": swing},
+            time={"end": 3.0, "step": step},
+        )  # fmt: skip
+        return [line for line in Case(config).run(Kept()) if line.startswith(UNBALANCED)]
+
+    (warning,) = warnings_with(0.5)
+    step = float(warning.rpartition("time.step ")[2])
+    assert step <= 1 / 40
+    assert warnings_with(step) == []
+
+
 # Relaxation times far below the steps, in which a single point of the grid is pressed: u(t) is straight.
 FAST_RELAXATION = {
     "grid.points": [24, 24],
