@@ -30,7 +30,9 @@ ROUGH = "self_affine, hurst: 0.8, rms_slope: 0.1, short_cutoff: 0.2, seed: 3"
 ATTRACTIVE = SURFACE.replace("method: nested_gradient, ", "")
 ATTRACTIVE = ATTRACTIVE.replace("control: load, load: 0.02", "control: depth, depth: 0.01")
 ATTRACTIVE += "interface: {law: exponential, work: 2.0e-4, range: 4.0e-3}\n"
-RUBBING = SURFACE.replace("method: nested_gradient, ", "") + "interface: {law: coulomb, coefficient: 0.3}\n"
+COULOMB = "{law: coulomb, coefficient: 0.3}"
+RUBBING = SURFACE.replace("method: nested_gradient, ", "") + f"interface: {COULOMB}\n"
+HARD = "{law: hard_wall, hardness: 0.4}"
 # Any boundary and punch, motion, hardness, attraction and friction, stresses below the surface. Steps of the
 # adhesive case have a V-cycle.
 CASES = {
@@ -44,16 +46,13 @@ CASES = {
     .replace(ROUGH, "parabola").replace(", histograms: {pressure: {max: 0.5, bins: 4}}", ""),
     "sliding": SURFACE.replace("ramp_time: 0.2", "ramp_time: 0.2, velocity: 1.0").replace("0.3", "0.4")
     .replace("patches: true", "patches: true, inside: {depths: [0.03, 0.1], every: 1}")
-    + "interface: {law: hard_wall, hardness: 0.4}\n",
+    + f"interface: {HARD}\n",
     "adhesive": ATTRACTIVE.replace("[40, 36]", "[72, 60]").replace("0.3", "0.4"),
     "smooth": ATTRACTIVE.replace("ramp_time: 0.2", "ramp_time: 0.2, velocity: 1.0")
     .replace(ROUGH, "parabola"),
-    "partial slip": RUBBING.replace(
+    "partial slip": RUBBING.replace(COULOMB, f"[{COULOMB}, {HARD}]").replace(
         "ramp_time: 0.2", "ramp_time: 0.2, tangential: {displacement: 2.0e-3, start: 0.1, ramp_time: 0.2}"
     ).replace("patches: true", "patches: true, inside: {depths: [0.03, 0.15], every: 1}"),
-    "yielding": RUBBING.replace("coefficient: 0.3}", "coefficient: 0.3}, {law: hard_wall, hardness: 0.4}]")
-    .replace("interface: {", "interface: [{")
-    .replace("ramp_time: 0.2", "ramp_time: 0.2, tangential: {displacement: 2.0e-3, ramp_time: 0.3}"),
     "creepage": RUBBING.replace(ROUGH, "parabola").replace("0.3, step: 0.1", "0.4, step: 0.05")
     .replace("ramp_time: 0.2", "ramp_time: 0.2, velocity: 0.5, creepage: {x: 0.01, spin: 0.1}"),
 }  # fmt: skip
@@ -140,7 +139,7 @@ def test_ranks_have_the_results_of_one_process(of_two_ranks, run_here):
         assert found == [".lock", "0000.h5", "0000.xdmf"]
 
 
-def assert_alike(one, two, name):
+def assert_alike(one, two, name, within=1e-9):
     assert set(one.variables) == set(two.variables)
     # Solved to 1e-10, the first residual above it and the last below differ between orders of summation,
     # and so does the bound on the margin, which is found to some percent.
@@ -154,7 +153,7 @@ def assert_alike(one, two, name):
         wholes["contact_area_error"] = "contact_area_interpolated"
         of = one[wholes.get(column, column)]
         scale = float(np.abs(of).max()) or 1.0
-        atol = (1e-9 if one[column].dtype == np.float64 else 1e-7) * scale  # or single precision
+        atol = (within if one[column].dtype == np.float64 else 1e-7) * scale  # or single precision
         np.testing.assert_allclose(two[column], one[column], rtol=0, atol=atol, err_msg=f"{name}: {column}")
 
 
@@ -164,7 +163,8 @@ def test_three_ranks_have_the_results_of_one_process(run_here):
     assert process.returncode == 0, process.stderr
     for name in CASES:
         run_here(f"{name}.yaml", Path("one", name))
-        assert_alike(case(Path("one", name)), case(name), name)
+        # Pressures of the shortest waves are some tens of residuals apart.
+        assert_alike(case(Path("one", name)), case(name), name, within=1e-8)
 
 
 @pytest.mark.parametrize("name", ["adhesive", "sliding", "partial slip"])
