@@ -87,7 +87,7 @@ SOLVERS: Mapping[str, Declaration] = {
 FRICTIONAL = Declaration(
     "gfmdlayer.friction.solver:FrictionSolver", "pressure", 25, 0.08, fields=80, rough=3.5
 )
-ATTRACTED = replace(FRICTIONAL, pairs=60, power=0.14, fields=130)  # with `newton` for the normal contact
+IN_ROUNDS = replace(FRICTIONAL, pairs=60, power=0.14, fields=130)  # with the solver of a normal contact
 
 STEADY_ROLLING = replace(FRICTIONAL, pairs=150, power=0.08, fields=140)  # the one step of the state
 
