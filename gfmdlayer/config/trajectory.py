@@ -379,8 +379,9 @@ def _problems_of_the_drive(config: Any) -> Iterator[Mistake]:
             if getattr(given, key):
                 message = f"got {getattr(given, key)!r}; must be 0 on a line, whose only direction is x"
                 yield Mistake(("trajectory", "creepage", key), message, ("grid.points",))
-    if config.time.at_once and config.interfaces:
-        message = f"got {AT_ONCE} beside an attraction, whose solver takes steps; must be a relative change"
+    if config.time.at_once and (config.interfaces or config.hardness is not None):
+        beside = "an attraction" if config.interfaces else "a hardness"
+        message = f"got {AT_ONCE} beside {beside}, whose solver takes steps; must be a relative change"
         yield Mistake(("time", "steady"), message, ("interface",), because="open")
     if config.time.at_once:
         early = any(time < config.time.end for time in config.output.snapshot_times)
