@@ -116,14 +116,17 @@ def stiffness(body: Bonded, waves: Wavevectors | ArrayLike, s: ArrayLike) -> NDA
     positive = np.where(q > 0, q, 1.0)
     vector = np.broadcast_to(_RIGID if body.rigid else _FREE, (*q.shape, 5))
     for layer in reversed(body.present):
-        modulus = layer.material.laplace(s)[..., np.newaxis] ** _DEGREES
+        modulus = layer.material.laplace(s)[..., np.newaxis]
+        liquid = modulus == 0  # in the end, a free surface to the layers above
+        modulus = np.where(liquid, 1.0, modulus) ** _DEGREES
         if math.isinf(layer.thickness):
             vector = modulus * halfspace_minors(layer.poisson)
         else:
             matrix = minors(positive * layer.thickness, layer.poisson)
             vector = modulus * (matrix @ (vector / modulus)[..., np.newaxis])[..., 0]
-        vector = vector / np.abs(vector[..., 3:4])
-    return np.where(q > 0, positive * (vector[..., 4] / vector[..., 3]), _confined(body, s))
+        vector = np.where(liquid, _FREE, vector / np.abs(vector[..., 3:4]))
+    scale = np.where(vector[..., 3] == 0, 1.0, vector[..., 3])  # zero, as vector[..., 4], on a liquid
+    return np.where(q > 0, positive * (vector[..., 4] / scale), _confined(body, s))
 
 
 def spectrum(body: Bonded, waves: Wavevectors | ArrayLike) -> Spectrum:
@@ -240,9 +243,10 @@ def members_of(body: Bonded, q: FloatArray) -> tuple[list[Member], FloatArray]:
 
 def _confined(body: Bonded, s: NDArray[Any]) -> NDArray[Any]:
     """K(q = 0, s): of layers that are compressed one after the other and cannot widen."""
-    compliances = [confined_compliance(body, layer) / layer.material.laplace(s) for layer in body.present]
-    total = np.asarray(sum(compliances))
-    return np.asarray(1 / total) if total.all() else np.zeros(np.shape(s))
+    parts = [(confined_compliance(body, layer), layer.material.laplace(s)) for layer in body.present]
+    liquid = np.any([modulus == 0 for compliance, modulus in parts if compliance > 0], axis=0)
+    total = np.asarray(sum(each / np.where(modulus == 0, 1.0, modulus) for each, modulus in parts))
+    return np.asarray(np.where(liquid, 0.0, 1 / total)) if total.all() else np.zeros(np.shape(s))
 
 
 def confined_compliance(body: Bonded, layer: Layer) -> float:

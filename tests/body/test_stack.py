@@ -244,3 +244,19 @@ def test_a_stack_reports_the_error_of_its_spectrum():
     np.testing.assert_array_equal(found.relaxed, exact.relaxed)
     for s in S:
         np.testing.assert_allclose(found.stiffness(s), exact.stiffness(s), rtol=found.error + 1e-12)
+
+
+@pytest.mark.parametrize("rigid", [True, False])
+@pytest.mark.parametrize("nu", [0.5, 0.45])
+@pytest.mark.parametrize("liquid_on_top", [True, False])
+def test_a_layer_that_relaxes_to_nothing_is_a_free_surface_in_the_end(liquid_on_top, nu, rigid):
+    """K(q, s) goes to K(q, 0) as the modulus, which is s/(1 + s)."""
+    liquid = Layer(thickness=0.05, poisson=nu, material=Zener(G0=0.0, Ginf=1.0, tau=1.0))
+    solid = Layer(thickness=0.3, poisson=0.4, material=Elastic(0.3))
+    body = LayerStack(layers=(liquid, solid) if liquid_on_top else (solid, liquid), rigid=rigid)
+    q = np.array([0.0, 1.0, 10.0, 100.0])
+    # The mean of two layers on a rigid base is limited by the solid one, if the liquid cannot yield.
+    last, limit = (body.stiffness(q, s).real for s in (1e-12, 0.0))
+    assert np.isfinite(limit).all()
+    np.testing.assert_allclose(last, limit, rtol=1e-9, atol=1e-9)
+    assert (limit[1:] > 0).all() != liquid_on_top
