@@ -42,6 +42,7 @@ from gfmdlayer.arrays import FloatArray, IntArray
 from gfmdlayer.body.materials import Material
 from gfmdlayer.body.relaxation import Spectrum, VectorSpectrum, distinct_branches, retardation_spectrum
 from gfmdlayer.body.springs import Springs
+from gfmdlayer.validation.problems import ConfigError
 
 
 @dataclass(frozen=True)
@@ -195,6 +196,8 @@ def _kelvin(material: Material) -> tuple[FloatArray, FloatArray]:
     moduli, times = distinct_branches(material)
     if not moduli.size:
         return moduli, times
+    if not material.relaxed:
+        raise ConfigError(["body: a layer of a stack has G0 = 0, and its modes no end; must be > 0"])
     compliances, thetas = retardation_spectrum(moduli, times, np.array([material.relaxed]))
     return np.sqrt(material.glassy * compliances[:, 0]), thetas[:, 0]
 

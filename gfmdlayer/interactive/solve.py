@@ -313,9 +313,9 @@ def _along_loads(name: str, values: Sequence[float], found: Sequence[xarray.Data
 
 
 def _at_rest(body: Body, *, glassy: bool) -> Body:
-    """Return the body with two moduli in place of each continuous spectrum, of which one is asked for."""
+    """Return the body with one modulus in place of each law, where some are continuous or liquids."""
     laws: Sequence[Law] = getattr(body, "laws", ())
-    if not any(isinstance(law, ContinuousLaw) for law in laws):
+    if not any(isinstance(law, ContinuousLaw) or not law.relaxed for law in laws):
         return body
     moduli = [law.glassy if glassy else law.relaxed for law in laws]
     if not all(0 < modulus < math.inf for modulus in moduli):

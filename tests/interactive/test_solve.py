@@ -7,7 +7,10 @@ import gfmdlayer
 from gfmdlayer import (
     ConfigError,
     ConvergenceError,
+    Elastic,
     Exponential,
+    Layer,
+    LayerStack,
     Parabola,
     Sphere,
     Zener,
@@ -180,3 +183,21 @@ def test_an_attraction_pulls_the_surface_up():
     assert float(pulled.force) < float(alone.force)
     assert float(pulled.gap.min()) >= 0
     assert float(pulled.contact_area) >= float(alone.contact_area)
+
+
+@pytest.mark.parametrize("friction", [{}, {"friction": 0.3}])
+def test_a_stack_with_a_liquid_layer_answers_a_sudden_load_as_its_glassy_moduli(friction):
+    """Its modes were taken without an end: the pressure was a thirtieth."""
+    solid = Layer(thickness=0.4, poisson=0.4, material=Elastic(0.3))
+
+    def on(law):
+        return LayerStack(layers=[Layer(thickness=0.05, material=law), solid], rigid=True)
+
+    liquid, glass = on(Zener(G0=0.0, Ginf=1.0, tau=1.0)), on(Elastic(1.0))
+    given = {"punch": Parabola(radius=1.0), "depth": 0.01, "points": 64, **friction}
+    sudden, elastic = solve(liquid, **given, instantaneous=True), solve(glass, **given)
+    np.testing.assert_allclose(sudden.pressure, elastic.pressure, rtol=1e-9)
+    with pytest.raises(ConfigError, match="relaxed modulus of Zener is 0; give instantaneous=True"):
+        solve(liquid, **given)
+    with pytest.raises(ConfigError, match="a layer of a stack has G0 = 0"):
+        liquid.spectrum([1.0, 10.0])
