@@ -476,7 +476,7 @@ APART = (
 
 # Refused together: drawn together in a fifth of the combinations.
 _FRICTION = ("friction", "tangential")
-_WITHOUT_FRICTION = ("body", "counterbody", "hardness", "isolated", "solver")
+_WITHOUT_FRICTION = ("body", "counterbody", "isolated", "solver")
 CONTRARY = (
     {"adaptive", "backward Euler"},
     {"motion", "backward Euler"},
