@@ -6,6 +6,8 @@ from pathlib import Path
 
 import pytest
 
+from gfmdlayer import bonded_layer, halfspace
+
 SCRIPTS = Path(__file__).parents[2] / "scripts"
 SOLVERS = {"active_set", "conjugate_gradient", "fire"}
 
@@ -74,12 +76,16 @@ def test_contacts_with_friction_are_counted_on_grids_of_their_own(tables):
     assert 0 < row["step"] <= row["most"] < row["first solve"]
 
 
-def test_a_rough_surface_is_run_on_each_grid(tables):
+def test_a_rough_surface_is_run_on_each_grid(tables, monkeypatch):
+    some = [("halfspace", halfspace(1.0)), ("a film", bonded_layer(0.02, 5.0, halfspace=1.0))]
+    monkeypatch.setattr("benchmarks.rough.bodies", lambda: iter(some))  # of 37
     found = tables("--only rough --points 32 64 --steps 3 --repetitions 1")
     assert [row["grid"] for row in found["rough-layer"]] == ["32 x 32", "64 x 64"]
     for row in found["rough-layer"]:
         assert row["FFT pairs a step"] >= 2
         assert row["run / bare pairs"] > 0
+    for row in found["rough-cold-64"]:
+        assert all(len(row[area].split("/")) == 3 for area in ("5%", "15%", "40%", "80%"))
 
 
 @pytest.mark.slow  # loops are compiled anew
