@@ -383,3 +383,16 @@ def test_solve_gives_the_imprint_and_refuses_a_load_beyond_the_hardness():
     for laws, load, said in ((wall, 0.2, "the hardness 0.1"), (sticky, 0.09, most)):
         with pytest.raises(gfmdlayer.ConfigError, match=f"mean pressure: got {load}; must be below {said}"):
             gfmdlayer.solve(*contact, mean_pressure=load, interface=laws, points=256)
+
+
+@pytest.mark.parametrize("base", [1.0, math.inf])
+def test_a_load_of_a_whole_number_of_points_at_the_hardness_is_borne(base):
+    """The last point carries the hardness to rounding; taken as above it, the sets went round in circles."""
+    body, hardness = gfmdlayer.bonded_layer(0.05, 1.0, poisson=0.4, halfspace=base), 0.05
+    for load in np.array([7, 11, 13, 17, 21]) / 64 * hardness:
+        wall = {"law": "hard_wall", "hardness": hardness}
+        found = gfmdlayer.solve(
+            body, gfmdlayer.Parabola(radius=1.0), points=64, mean_pressure=load, interface=wall
+        )
+        assert float(found.pressure.max()) == pytest.approx(hardness, rel=1e-12)
+        assert float(found.mean_pressure) == pytest.approx(load, rel=1e-9)

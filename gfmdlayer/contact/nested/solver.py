@@ -608,13 +608,14 @@ class NestedGradient:
             u, start = below.displacement, below.pressure + held
             flow = np.where(capped, np.maximum(u - h, 0.0), 0.0)
             depth = scales_over(ranks, start, u, problem.residual_floor)[1]
-            now = np.where(capped, h - u <= 0.5 * tolerance * depth, start > hardness)
+            # A load of just so many points at the hardness leaves the last one there by rounding.
+            now = np.where(capped, h - u <= 0.5 * tolerance * depth, start > (1.0 + _EXTRAPOLATED) * hardness)
             stays = ranks.minimum(int(np.array_equal(now, capped)))
             if stays or not below.converged or spent[1] >= limit:
                 break
             capped = now
         self.spent = used
-        within = tolerance if stays and below.converged else -1.0
+        start, within = np.minimum(start, hardness), tolerance if stays and below.converged else -1.0
         over = assess_over(ranks, start, u, h + flow, problem.residual_floor)
         return make_solution(
             problem, u, start, below.spectrum, spent=spent, within=within, assessment=over,
