@@ -269,12 +269,19 @@ def path_on_line(y: FloatArray, radii: FloatArray, total: float, D: float) -> Fl
     return np.array([D])
 
 
+_FAR = 1e8  # in sizes of the tractions, beside which these are directions
+
+
 def path_in_plane(
     y: FloatArray, radii: FloatArray, total: FloatArray, D: FloatArray, ranks: Ranks = ALONE
 ) -> FloatArray:
     """Return the path of two axes by Newton's method down the convex function."""
     # With z = y + D it is the sum of |z|^2/2 in the disks, continued linearly outside, less total D.
-    largest = ranks.total(float(np.minimum(radii, norms(y)).sum())) + math.hypot(*total.tolist())
+    sizes, force = norms(y), math.hypot(*total.tolist())
+    carried, most = ranks.total(np.array([np.minimum(radii, sizes).sum(), radii.sum()])).tolist()
+    if force >= most > 0:  # no path carries it; far along it the tractions do what they can
+        return total * (_FAR / force * float(ranks.maximum((sizes + radii).max(initial=0.0))))
+    largest = carried + force
 
     def looked_at(D: FloatArray) -> tuple[FloatArray, float]:
         z = y + D[:, np.newaxis]

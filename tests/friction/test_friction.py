@@ -8,7 +8,7 @@ import pytest
 
 from gfmdlayer import Case, Config, Dugdale, Electrostatic, Exponential, LennardJones
 from gfmdlayer.friction.newton import INNER, LinearSystem, gmres
-from gfmdlayer.friction.problem import FrictionProblem, norms
+from gfmdlayer.friction.problem import FrictionProblem, in_disks, norms, path_in_plane
 from gfmdlayer.friction.response import Operator, Response, SharedTransforms, Spent
 from gfmdlayer.friction.solver import FrictionSolver
 from gfmdlayer.grid.grid import Grid
@@ -475,3 +475,18 @@ def test_limits_of_an_attraction_beside_friction():
     pulled = solver.solve(replace(problem, load=-1.0, force=np.array([0.0])))
     assert not pulled.converged
     assert "of newton" in pulled.reason
+
+
+def test_a_force_that_no_path_carries_is_met_by_the_largest_tractions_in_its_direction():
+    """Without a root the search went on to its limit, with the path at 1e40."""
+    random = np.random.default_rng(4)
+    y, radii, total = random.normal(size=(2, 9)), random.uniform(0.1, 1.0, 9), np.array([30.0, -40.0])
+    path = path_in_plane(y, radii, total, np.zeros(2))
+    assert np.isfinite(path).all()
+    assert np.abs(path).max() < 1e10
+    carried = in_disks(y + path[:, None], radii).sum(axis=1)
+    np.testing.assert_allclose(carried, radii.sum() * total / 50.0, rtol=1e-6)
+    half = 0.5 * radii.sum() * total / 50.0
+    np.testing.assert_allclose(
+        in_disks(y + path_in_plane(y, radii, half, np.zeros(2))[:, None], radii).sum(axis=1), half, rtol=1e-12
+    )

@@ -19,6 +19,7 @@ import pytest
 
 from gfmdlayer.cli import main
 from gfmdlayer.config import Config, load
+from gfmdlayer.study import claims
 from gfmdlayer.study.cases import Cases
 from gfmdlayer.study.claims import Claim, leftovers, running
 from gfmdlayer.study.folder import Folder, FolderError
@@ -43,6 +44,12 @@ def make(tmp_path):
         return folder
 
     return make
+
+
+@pytest.fixture(autouse=True)
+def short_patience(monkeypatch):
+    """What is refused after ten seconds is so after one."""
+    monkeypatch.setattr(claims, "PATIENCE", 1.0)
 
 
 def fail(folder, index, reason):
