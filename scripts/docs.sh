@@ -9,5 +9,5 @@ bash "$root/scripts/environment.sh" mpi,test,docs
 cd "$root"
 .venv/bin/codespell ./*.md docs configs
 .venv/bin/python -m sphinx -q -W --keep-going -j 2 -b html docs docs/_build/html
-.venv/bin/python -m pytest -q -m "" tests/scripts/test_site.py  # in a browser, if there is one
+.venv/bin/python -m pytest -q -n 2 -m "" tests/scripts/test_site.py  # in a browser, if there is one
 echo "docs/_build/html/index.html"
