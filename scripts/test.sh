@@ -17,5 +17,4 @@ export PATH="$root/.venv/bin:$PATH"
 export OPENBLAS_NUM_THREADS=1
 # The tests start Python some 150 times: it keeps what it has compiled, which takes a quarter of each start.
 unset PYTHONDONTWRITEBYTECODE
-# Three processes on two cores: one of them often waits for a program that it has started.
-python -m pytest -n 3 --dist worksteal -m "not slow" "$@"
+python -m pytest -n 2 --dist worksteal -m "not slow" "$@"
