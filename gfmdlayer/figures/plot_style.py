@@ -24,6 +24,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from matplotlib.lines import Line2D
 
+    from gfmdlayer.arrays import FloatArray
+
 Columns = Literal[1, 2]
 Dashes = Literal["solid"] | tuple[float, tuple[float, ...]]
 
@@ -176,6 +178,13 @@ def legend_above(figure: Figure, entries: Sequence[Artist]) -> int:
     rows = -(-len(entries) // max(1, int(figure.get_figwidth() * 72 / width)))
     figure.legend(handles=list(entries), loc="outside upper center", ncols=-(-len(entries) // rows))
     return rows
+
+
+def highest_row(pressure: FloatArray) -> int:
+    """Return the row along x, of a field (x, y), through the highest pressure, the middle one of equals."""
+    rows = pressure.max(axis=0)
+    equal = np.flatnonzero(rows >= (1 - 1e-9) * rows.max())  # as where surfaces yield
+    return int(equal[equal.size // 2])
 
 
 def spread(count: int, most: int) -> list[int]:

@@ -27,6 +27,7 @@ from gfmdlayer.figures.plot_style import (
     PRESSURE_COLOURS,
     Style,
     colours,
+    highest_row,
     legend_above,
     legend_entries,
     line_style,
@@ -112,8 +113,8 @@ def section(case: Dataset) -> Dataset:
     """Cut a surface along x, through its highest pressure at the last snapshot; a line does not change."""
     if "y" not in case.dims:
         return case
-    pressure = case["pressure"].isel(snapshot=-1)
-    return case.isel(y=int(pressure.max("x").argmax("y")))
+    pressure = case["pressure"].isel(snapshot=-1).transpose("x", "y")
+    return case.isel(y=highest_row(pressure.to_numpy()))
 
 
 def snapshot_times(case: Dataset) -> tuple[Quantity, list[float]]:

@@ -233,7 +233,7 @@ def unbalanced(
     shorter = rounded_down(min(_SURE * (step or tolerance) * limit / part, turns))
     if euler:  # the end and the snapshots are a whole number of steps
         tens = itertools.product((1.0, 2.0, 4.0, 5.0, 8.0), (10.0**k for k in range(12)))
-        least = max(part / limit, step / turns)
+        least = max(part / limit / _SURE, step / turns)
         shorter = f"{step / min(parts for each in tens if (parts := math.prod(each)) >= least):.15g}"
     remedy = f"{section}{'step' if step else 'tolerance'} {shorter}"
     return f"{UNBALANCED}: the energies miss {part:.2g} of the work, more than {limit:.2g}; use {remedy}"

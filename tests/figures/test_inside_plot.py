@@ -7,6 +7,7 @@ import gfmdlayer
 from gfmdlayer.figures import curves_figure
 from gfmdlayer.figures.field_plots import inside_figure
 from gfmdlayer.figures.labels import labelled
+from gfmdlayer.figures.plot_style import highest_row
 from gfmdlayer.figures.plots import plot_results
 from gfmdlayer.figures.report.page import Listed, payload
 from gfmdlayer.results.names import ResultsError
@@ -107,3 +108,13 @@ def test_the_page_of_a_case_has_the_section(tmp_path):
     middle = int(data.pressure.isel(snapshot=-1).max("x").argmax("y"))
     known = data.von_mises.isel(snapshot=1, y=middle).to_numpy()
     np.testing.assert_allclose(values[1] / values[1].max(), known / known.max(), rtol=1e-5, atol=1e-6)
+
+
+def test_a_cut_goes_through_the_middle_of_a_plateau_of_the_pressure():
+    """Where surfaces yield many rows have the largest pressure, the hardness."""
+    pressure = np.zeros((9, 12))
+    pressure[2:7, 3:10] = 0.5 * (1 - 1e-13)
+    pressure[3, 3] = 0.5
+    assert highest_row(pressure) == 6
+    pressure[4, 8] = 0.6
+    assert highest_row(pressure) == 8

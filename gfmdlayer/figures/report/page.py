@@ -31,7 +31,15 @@ from matplotlib.colors import to_hex
 from gfmdlayer.arrays import FloatArray
 from gfmdlayer.figures.convergence_plot import convergence_figure
 from gfmdlayer.figures.labels import quantity, symbol
-from gfmdlayer.figures.plot_style import CONTACT, GAP_COLOURS, PRESSURE_COLOURS, check_suffix, spread, styled
+from gfmdlayer.figures.plot_style import (
+    CONTACT,
+    GAP_COLOURS,
+    PRESSURE_COLOURS,
+    check_suffix,
+    highest_row,
+    spread,
+    styled,
+)
 from gfmdlayer.figures.report import summary
 from gfmdlayer.figures.selection import default_columns, value_titles
 from gfmdlayer.files.whole import is_intact, write_text
@@ -208,7 +216,7 @@ class Reader:
             return None
         rows = spread(len(h5["z"]), MOST_DEPTHS)
         field = h5["von_mises"]
-        cut = () if field.ndim == 3 else (int(np.argmax(h5["pressure"][-1].max(axis=0))),)
+        cut = () if field.ndim == 3 else (highest_row(h5["pressure"][-1]),)
         values = [[field[(i, k, slice(None, None, stride), *cut)] for k in rows] for i in kept]
         return h5["z"][...][rows], np.array(values)
 
