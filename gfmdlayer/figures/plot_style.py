@@ -183,7 +183,7 @@ def legend_above(figure: Figure, entries: Sequence[Artist]) -> int:
 def highest_row(pressure: FloatArray) -> int:
     """Return the row along x, of a field (x, y), through the highest pressure, the middle one of equals."""
     rows = pressure.max(axis=0)
-    equal = np.flatnonzero(rows >= (1 - 1e-9) * rows.max())  # as where surfaces yield
+    equal = np.flatnonzero(rows >= rows.max() - 1e-9 * abs(rows.max()))  # as where surfaces yield
     return int(equal[equal.size // 2])
 
 

@@ -118,3 +118,4 @@ def test_a_cut_goes_through_the_middle_of_a_plateau_of_the_pressure():
     assert highest_row(pressure) == 6
     pressure[4, 8] = 0.6
     assert highest_row(pressure) == 8
+    assert highest_row(pressure - 1.0) == 8  # an attraction pulls everywhere
