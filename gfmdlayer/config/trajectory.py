@@ -460,10 +460,11 @@ def _problems_beside(config: Any, at: Location, words: str) -> Iterator[Mistake]
             yield Mistake(place, f"{message} with {words}", law, because=because)
     if config.hardness is not None and config.trajectory.rolls:
         message = (
-            "got a motion that rolls, beside a hardness: surfaces that roll take their imprint along, and "
-            "here it stays in the contact; must slide, without a creepage or a tangential force"
+            "given with a velocity beside a hardness: surfaces that roll take their imprint along, and here "
+            "it stays in the contact; remove it, and the punch slides"
         )
-        yield Mistake(("trajectory", "velocity"), message, ("interface",), because="open")
+        key = "tangential" if config.trajectory.creepage is None else "creepage"
+        yield Mistake(("trajectory", key), message, ("interface",), because="open")
 
 
 def _without_shear(body: Any) -> tuple[bool, str, Reason]:

@@ -223,6 +223,10 @@ class Imprint(Saving):
         """Return heights of the punch with the height lost so far."""
         return heights + self.depth if self.yields else heights
 
+    def without(self, gap: FloatArray) -> FloatArray:
+        """Return a gap less the height lost so far: that of the elastic displacement."""
+        return gap - self.depth if self.yields else gap
+
     def remember(self, flow: FloatArray | None) -> None:
         """Add the flow of an accepted step."""
         if flow is not None:

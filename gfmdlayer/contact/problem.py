@@ -94,7 +94,7 @@ class Problem:
     @property
     def flow_stress(self) -> float:
         """Stress p of the surface where it yields: the hardness less the traction in contact."""
-        return self.hardness - (self.interface.traction_in_contact if self.interface.attracts else 0.0)
+        return self.interface.flow_stress(self.hardness)
 
     def at_hardness(self, pressure: FloatArray, gap: FloatArray) -> BoolArray:
         """Whether the pressure of the wall is the hardness, from the stress p."""

@@ -522,12 +522,12 @@ def _beyond_the_hardness(target: float | None, law: Interaction, hardness: float
     """Return why surfaces of a hardness do not bear the attraction or the mean pressure, or ""."""
     if message := weak(law, hardness):
         return f"interface: {message}"
-    pull = law.traction_in_contact if law.attracts else 0.0
-    if target is None or target < hardness - pull:
+    flow_stress = law.flow_stress(hardness)
+    if target is None or target < flow_stress:
         return ""
     most = f"the hardness {hardness!r}"
     if law.attracts:
-        most = f"{hardness - pull:.6g}, {most} less the attraction in contact"
+        most = f"{flow_stress:.6g}, {most} less the attraction in contact"
     return f"mean pressure: got {target!r}; must be below {most}"
 
 

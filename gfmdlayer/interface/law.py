@@ -56,6 +56,10 @@ class Interaction:
         """Traction at a gap of zero: pressure."""
         return float(self.traction(np.zeros(1))[0])
 
+    def flow_stress(self, hardness: float) -> float:
+        """Stress of a surface that yields: the hardness less the traction in contact."""
+        return hardness - (self.traction_in_contact if self.attracts else 0.0)
+
     def energy(self, gap: FloatArray) -> FloatArray:
         """Energy w(g) per area, in the shape of the gap; it falls as the gap closes."""
         return self._sum(add_energy, gap)

@@ -59,7 +59,6 @@ print(json.dumps([digest(), attributes, refused, sorted(set(loaded))]))
 
 
 @of_a_wheel
-@pytest.mark.skipif(not Path("/proc/self/maps").exists(), reason="needs Linux's list of loaded libraries")
 def test_a_library_that_is_named_computes_and_stands_in_the_results(tmp_path):
     folder = folder_of(tmp_path, "libfftw3", "libfftw3f")
     environment = os.environ | {"GFMDLAYER_FFTW": str(folder)}
@@ -134,7 +133,6 @@ def test_check_and_run_refuse_a_library_that_is_not_there(tmp_path):
 
 
 @of_a_wheel
-@pytest.mark.skipif(not Path("/proc/self/maps").exists(), reason="needs Linux's list of loaded libraries")
 def test_two_threads_are_there_where_other_libraries_have_one():
     """The environment, which other processes inherit, stays as it is."""
     script = """
