@@ -6,7 +6,6 @@ A new configuration follows from the model of the configuration; editors show th
 from __future__ import annotations
 
 import argparse
-import json
 from collections.abc import Iterator
 from pathlib import Path
 from textwrap import wrap
@@ -284,6 +283,8 @@ def _kinds(field: FieldInfo, indent: str) -> Iterator[tuple[str, str]]:
 @verb("", "gfmdlayer schema > gfmdlayer.schema.json")
 def schema(options: argparse.Namespace) -> int:  # noqa: ARG001
     """Print the JSON Schema of a configuration, for editors."""
+    import json
+
     from gfmdlayer.config.json_schema import json_schema
 
     print(json.dumps(json_schema(), indent=2))

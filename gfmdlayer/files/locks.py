@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import errno
 import fcntl
-import json
 import os
 import stat
 from contextlib import suppress
@@ -50,6 +49,8 @@ def read_small(path: Path) -> bytes:
 
 def read_json(path: Path) -> dict[str, Any] | None:
     """Read a small JSON file; None where there is none or it cannot be read."""
+    import json  # which help on the command line does without
+
     with suppress(OSError, ValueError, RecursionError):
         content = json.loads(read_small(path))
         if isinstance(content, dict):
