@@ -67,7 +67,9 @@ class SweepCase:
 
     def __getstate__(self) -> dict[str, Any]:
         """Leave the drives behind on the way to another process."""
-        return {key: value for key, value in vars(self).items() if key != "drives"}
+        state = vars(self).copy()  # at once: another thread may compute its cost
+        state.pop("drives", None)
+        return state
 
 
 class Cases:

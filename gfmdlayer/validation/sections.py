@@ -247,6 +247,11 @@ class Section(BaseModel, metaclass=_Shown):
         """Return the fields by the names that users write."""
         return {field.alias or name: field for name, field in cls.model_fields.items()}
 
+    def __getstate__(self) -> dict[Any, Any]:
+        """Copy what it holds, of which another thread may derive more while it is pickled."""
+        state = super().__getstate__()
+        return state | {"__dict__": state["__dict__"].copy()}
+
     def values_written(self) -> dict[str, Any]:
         """Return the values by the names that users write."""
         return {field.alias or name: vars(self)[name] for name, field in type(self).model_fields.items()}

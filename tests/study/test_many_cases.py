@@ -1,6 +1,7 @@
 """Very many cases: looked at in part, and made one by one."""
 
 import json
+import pickle
 import re
 import shutil
 import tracemalloc
@@ -176,3 +177,24 @@ def test_values_that_are_found_impossible_in_their_turn_fail_alone(monkeypatch, 
     assert (summary.count("complete"), summary.collected) == (9, True)
     assert re.search(r"case 0001 FAILED \(. of 12\): ConfigError: layer.material.tau: got 2; must", log)
     assert json.loads(Path("out/cases/0005.failed").read_text())["values"]["layer.material.tau"] == 2
+
+
+class Grows:
+    """Adds to an object while that is pickled, as another thread does that computes with it."""
+
+    def __init__(self, of):
+        self.of = of
+
+    def __reduce__(self):
+        vars(self.of)["more"] = 1
+        return int, ()
+
+
+@pytest.mark.parametrize("part", ["case", "config", "layer"])
+def test_a_case_is_sent_while_more_is_derived_of_it(part):
+    """Executors pickle in a thread of their own: "dictionary changed size during iteration" ended a case."""
+    case = Cases(Config(name="sent"))[0]
+    holder = {"case": case, "config": case.config, "layer": case.config.layer}[part]
+    vars(holder)["first"] = Grows(holder)
+    assert pickle.loads(pickle.dumps(case)).config.name == "sent"
+    assert vars(holder)["more"] == 1
