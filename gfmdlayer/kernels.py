@@ -88,6 +88,16 @@ def _compiled(function: Any, reorder: bool, inner: bool, borrows: bool) -> Any:
     return dispatcher
 
 
+def c_function(function: Callable[..., None], *arguments: Any) -> Any:
+    """Return a function of C without a result, which lives as long as the process; cached as kernels are."""
+    from numba.core.ccallback import CFunc  # loads all that Numba compiles with
+
+    made: Any = CFunc(function, (arguments, nb.types.void), {}, {})
+    made._cache = _LateCache(function)
+    made.compile()
+    return made
+
+
 def in_python(called: Function) -> Function:
     """Return the Python function of a kernel, for a call by Python that needs no compilation."""
     return getattr(called, "py_func", called)

@@ -27,11 +27,17 @@ def room(path: Path) -> str:
 
 
 @cache
+def parsed(path: Path) -> ast.Module:
+    """Return the syntax tree of a file."""
+    return ast.parse(path.read_text(encoding="utf-8"))
+
+
+@cache
 def files_imported(path: Path) -> set[Path]:
     """Return the files of the package that a file imports anywhere, inside functions too."""
     package = ("gfmdlayer", *path.relative_to(PACKAGE).parts[:-1])
     names: list[list[str]] = []
-    for node in statements(ast.parse(path.read_text(encoding="utf-8"))):
+    for node in statements(parsed(path)):
         if isinstance(node, ast.Import):
             names += (alias.name.split(".") for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
@@ -109,7 +115,7 @@ def test_a_class_name_has_one_home() -> None:
     """A leading underscore makes no other name: a stranger reads `_Step` as a kind of `Step`."""
     homes = defaultdict(list)
     for path in FILES:
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        for node in statements(parsed(path)):
             if isinstance(node, ast.ClassDef):
                 homes[node.name.lstrip("_")].append(f"{path.relative_to(PACKAGE)}:{node.lineno}")
     assert not {name: places for name, places in homes.items() if len(places) > 1}

@@ -36,7 +36,7 @@ from gfmdlayer.grid.fftw import (
     whole_plans,
 )
 from gfmdlayer.grid.ranks import ALONE, Ranks
-from gfmdlayer.kernels import IN_PYTHON, kernel, primitive
+from gfmdlayer.kernels import IN_PYTHON, c_function, kernel, primitive
 from gfmdlayer.made_once import made_once
 
 
@@ -158,12 +158,11 @@ def _backward_by_blocks(place: Any, spectrum: int, field: int) -> None:
 @cache
 def _of_c() -> tuple[Any, Any]:
     """Return both as functions of C, which live as long as the process."""
-    made: Any = _called_in_python
-    if not IN_PYTHON:
-        integers = types.UniTuple(types.int64, 10)  # type: ignore[no-untyped-call]
-        kind = types.void(types.CPointer(integers), types.int64, types.int64)  # type: ignore[no-untyped-call]
-        made = nb.cfunc(kind)
-    return made(_forward_by_blocks), made(_backward_by_blocks)
+    if IN_PYTHON:
+        return _called_in_python(_forward_by_blocks), _called_in_python(_backward_by_blocks)
+    integers = types.UniTuple(types.int64, 10)  # type: ignore[no-untyped-call]
+    given = types.CPointer(integers), types.int64, types.int64  # type: ignore[no-untyped-call]
+    return c_function(_forward_by_blocks, *given), c_function(_backward_by_blocks, *given)
 
 
 def _called_in_python(own: Callable[..., None]) -> Any:

@@ -55,6 +55,9 @@ SMALL = 1 << 20  # bytes of a case, of which a file is made in memory; HDF5 writ
 CHUNK_ROWS = 128
 BLOCK = 2**20  # points of a snapshot in a chunk
 CHECKED = PACKED | {"fletcher32": True}
+# The length to which rows and snapshots may grow. It has an end: h5netcdf looks for the size of an endless
+# dimension at all variables whenever it opens one, by which xarray took four times as long.
+LONGEST = 2**48
 
 
 def _size(dataset: xarray.Dataset) -> int:
@@ -407,7 +410,7 @@ def _growing(form: Form) -> dict[str, Any]:
         chunk = (1, -(-inner[0] // -(-math.prod(inner) // BLOCK)), *inner[1:])
         if form.dimensions[1] in BELOW.values():
             options = options | {"fillvalue": np.nan}
-    return {"shape": (0, *inner), "maxshape": (None, *inner), "chunks": chunk, **options}
+    return {"shape": (0, *inner), "maxshape": (LONGEST, *inner), "chunks": chunk, **options}
 
 
 # Description of a case in two dimensions for ParaView: NNNN.xdmf beside NNNN.h5.

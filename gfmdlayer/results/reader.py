@@ -343,9 +343,9 @@ def open_labelled(path: Path) -> xarray.Dataset:
 
 
 def _measured(path: str) -> Any:
-    """Open a file whose dimensions keep their sizes; xarray then takes a quarter of the time.
+    """Open a file whose dimensions keep their sizes, which h5netcdf looks for anew at each variable.
 
-    h5netcdf looks at all variables for the size of a growing dimension, and does so for each variable.
+    xarray takes a fifth less, and a quarter of the time where an earlier version wrote endless dimensions.
     """
     import h5netcdf
     from h5netcdf.dimensions import Dimension

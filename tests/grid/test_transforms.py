@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from gfmdlayer.grid.fftw import threads_for
-from gfmdlayer.grid.transforms import BY_BLOCKS, Transforms, backward, forward
+from gfmdlayer.grid.transforms import BY_BLOCKS, Transforms, _of_c, backward, forward
 
 SHAPES = [(8,), (9,), (1024,), (1155,), (6, 8), (5, 9), (6, 9), (7, 8), (32, 64)]
 
@@ -98,6 +98,12 @@ def test_large_surfaces_are_transformed_by_blocks_of_columns_like_small_ones(sha
 def there_and_back(plans, field, spectrum, back):
     forward(plans, field, spectrum)
     backward(plans, spectrum, back)
+
+
+def test_functions_of_transforms_by_blocks_come_from_the_cache_of_kernels():
+    """Compiled anew they take half a second of each process, and of each rank."""
+    _of_c()  # which compiles them, if no process has
+    assert [function.cache_hits for function in _of_c.__wrapped__()] == [1, 1]
 
 
 def test_large_surfaces_take_two_threads_where_none_are_asked_for(monkeypatch):

@@ -1,5 +1,6 @@
 """Observables of an interface that attracts, against the surfaces and curves that they come from."""
 
+from contextlib import closing
 from types import SimpleNamespace
 
 import numpy as np
@@ -96,8 +97,9 @@ def test_snapshots_hold_the_traction_in_memory_in_files_and_after_a_resume(pulle
     # The recording of a case that is taken up has what a checkpoint has kept.
     fields = {name: np.full(256, float(i)) for i, name in enumerate(("displacement", "pressure", "traction"))}
     one, again = Recording(tmp_path / "snapshots"), Recording(tmp_path / "snapshots")
-    one.row(time=0.0)
-    one.snapshot(0.5, fields)
-    again.go_on(*one.kept())
-    assert again.fields.keys() == fields.keys()
-    np.testing.assert_array_equal([each for (each,) in again.fields.values()], [*fields.values()])
+    with closing(one), closing(again):
+        one.row(time=0.0)
+        one.snapshot(0.5, fields)
+        again.go_on(*one.kept())
+        assert again.fields.keys() == fields.keys()
+        np.testing.assert_array_equal([each for (each,) in again.fields.values()], [*fields.values()])

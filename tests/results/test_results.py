@@ -63,6 +63,7 @@ def test_case_is_read_by_xarray_with_names_coordinates_and_units(tmp_path):
         assert data["contact_area"].dims == data["transforms"].dims == ("time",)
         assert data["pressure"].dims == data["displacement"].dims == ("snapshot", "x")
         assert set(data.coords) == {"time", "x", "snapshot"}
+        assert data.encoding["unlimited_dims"] == set()  # whose size would be looked for at each variable
         np.testing.assert_array_equal(data["time"], TIMES)
         np.testing.assert_array_equal(data["mean_pressure"], -TIMES)
         np.testing.assert_array_equal(data["displacement"].sel(snapshot=1.0), X)

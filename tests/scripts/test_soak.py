@@ -105,7 +105,8 @@ def test_a_trial_that_a_signal_cuts_short_is_the_last_and_is_not_counted(soak, t
     monkeypatch.setitem(soak.__globals__["KINDS"], "extremes", trial)
     arguments = ["--only", "extremes", "--out", str(tmp_path), "--first", "11", "--trials", "9"]
     assert soak(arguments) == 0
-    assert [json.loads(line)["trial"] for line in (tmp_path / "trials.jsonl").open()] == ["1:11"]
+    lines = (tmp_path / "trials.jsonl").read_text().splitlines()
+    assert [json.loads(line)["trial"] for line in lines] == ["1:11"]
 
 
 def test_failures_are_kept_with_their_seeds(soak, trials, tmp_path, capsys, monkeypatch):

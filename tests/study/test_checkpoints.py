@@ -4,6 +4,7 @@ import json
 import re
 import time
 import tracemalloc
+from contextlib import ExitStack
 from dataclasses import replace
 
 import numpy as np
@@ -13,7 +14,7 @@ from gfmdlayer import observables
 from gfmdlayer.config import Config
 from gfmdlayer.files.whole import seal
 from gfmdlayer.observables import OBSERVABLES, Column
-from gfmdlayer.results import checkpoint, provenance
+from gfmdlayer.results import checkpoint, provenance, recording
 from gfmdlayer.results.case_file import case_contents, write_case
 from gfmdlayer.results.checkpoint import CheckpointError, read_about, read_checkpoint, write_checkpoint
 from gfmdlayer.results.names import ResultsError
@@ -68,6 +69,15 @@ def resumed(path, kept, held=HELD):
     found = Recording(path, held=held)
     found.go_on(json.loads(json.dumps(about)), arrays)
     return found
+
+
+@pytest.fixture(autouse=True)
+def snapshots_are_closed(monkeypatch):
+    """Files of recordings, which here nobody closes."""
+    with ExitStack() as files:
+        opened = recording._opened
+        monkeypatch.setattr(recording, "_opened", lambda *at: files.enter_context(opened(*at)))
+        yield
 
 
 @pytest.fixture
@@ -204,7 +214,8 @@ def test_a_sealed_file_that_no_run_wrote_is_no_checkpoint(tmp_path, about):
 
 
 def test_a_checkpoint_of_version_0_2_is_named_as_one(tmp_path):
-    np.savez((tmp_path / "c").open("wb"), about=np.array("{}"))
+    with (tmp_path / "c").open("wb") as file:
+        np.savez(file, about=np.array("{}"))
     with pytest.raises(CheckpointError, match="an earlier version of gfmdlayer wrote it"):
         read_checkpoint(tmp_path / "c", MADE_BY)
 
