@@ -129,8 +129,7 @@ def test_configurations_load(block, clone):
 
 def length_allowed(page):
     """Words that a page may have: what is looked up, and derivations, may be longer."""
-    folder = page.parent.name
-    return 600 if folder == "guides" and page.name != "index.md" else 2000 if page.parent == ROOT else 1500
+    return 600 if page.parent.name == "guides" and page.name != "index.md" else 1500
 
 
 @pytest.mark.parametrize(

@@ -7,6 +7,7 @@ import sys
 import time
 from contextlib import suppress
 from functools import partial
+from itertools import product
 from multiprocessing import active_children
 from pathlib import Path
 
@@ -56,8 +57,7 @@ class Struck:
 
 
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
-@pytest.mark.parametrize("signum", STOP_SIGNALS)
-@pytest.mark.parametrize("dropped", [False, True])
+@pytest.mark.parametrize(("signum", "dropped"), [*product(STOP_SIGNALS, [False]), (signal.SIGTERM, True)])
 def test_a_signal_ends_the_block_at_once(signum, dropped):
     begun = time.monotonic()
     before = [signal.getsignal(each) for each in STOP_SIGNALS]
