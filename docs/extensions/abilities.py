@@ -90,11 +90,12 @@ def abilities() -> Mapping[str, tuple[Fragment, ...]]:
     friction: Fragment = {"interface": [_COULOMB]}
 
     def at_temperature(temperature: Fragment) -> tuple[Fragment, ...]:
-        """Return a temperature for a layer, for layers, and for a body with one material."""
-        every = {"layer": {"material": _SHIFTED}}, {"layers": [{"material": _SHIFTED}] * 2}
-        return tuple(
-            {**body, "temperature": temperature} for body in (*every, {"body": {"material": _SHIFTED}})
-        )
+        """Return a temperature for a layer, layers, a body with one material, and different shifts."""
+        bodies: tuple[Fragment, ...] = (
+            {"layer": {"material": _SHIFTED}}, {"layers": [{"material": _SHIFTED}] * 2},
+            {"body": {"material": _SHIFTED}}, {"layers": shifted},
+        )  # fmt: skip
+        return tuple({**body, "temperature": temperature} for body in bodies)
 
     return {
         "surface": ({"grid": {"points": [16, 16]}},),
@@ -218,7 +219,7 @@ def _pairs() -> Iterator[Pair]:
             if not refusals:
                 break
         if tried:
-            yield next((pair for pair in tried if not pair.refusals), tried[0])
+            yield min(tried, key=lambda pair: (not pair.verdict, len(pair.refusals)))
 
 
 def _refusals(merged: Fragment, *, together: bool) -> tuple[Mistake, ...]:
@@ -261,6 +262,11 @@ The table follows from the refusals themselves. Empty places are two values of o
 _MARKS = {"runs": "●", "physics": "–", "open": "○"}
 
 
+def _mark(pair: Pair) -> str:
+    """Return the mark of a pair, which a browser explains under the pointer."""
+    return f'<abbr title="{pair.one}, {pair.other}">{_MARKS[pair.verdict]}</abbr>'
+
+
 def page() -> Iterator[str]:
     """Yield the page: the table, then the open pairs, then what physics refuses."""
     names, found = list(abilities()), {(pair.one, pair.other): pair for pair in pairs()}
@@ -271,11 +277,12 @@ def page() -> Iterator[str]:
         f"{count['open']} are open (○).\n"
     )
     numbers = range(1, len(names))
-    yield f"| | {' | '.join(map(str, numbers))} |"
+    heads = (f'<abbr title="{name}">{number}</abbr>' for number, name in zip(numbers, names, strict=False))
+    yield f"| | {' | '.join(heads)} |"
     yield f"|---|{':-:|' * len(numbers)}"
     for i, name in enumerate(names):
-        row = ((found.get((other, name)), other) for other in names[:i])
-        marks = [_MARKS[pair.verdict] if pair else "" for pair, _ in row]
+        row = (found.get((other, name)) for other in names[:i])
+        marks = [_mark(pair) if pair else "" for pair in row]
         cells = marks + [""] * (len(numbers) - len(marks))
         yield f"| {i + 1} {name} | {' | '.join(cells)} |"
     yield ""

@@ -179,7 +179,7 @@ def _problems_of_revolution(config: Any) -> Iterator[Mistake]:
             message = f"{message}: must be short_range" if not i else f"must be one law with {_REVOLUTION}"
             yield Mistake((*at, "law"), message, _GEOMETRY, chooses=True, because="open")
     if config.hardness is not None:
-        allowed = "remove it, or take periodic"
+        allowed = "remove it, or take geometry: periodic, and boundary: isolated for one punch"
         message = f"its hardness is not available with {_REVOLUTION}; {allowed}"
         yield Mistake(("interface",), message, _GEOMETRY, because="open")
     yield from _problems_of_the_control(config.trajectory.control, _GEOMETRY)

@@ -125,7 +125,7 @@ class ErrorReport:
         """Return the answer in words: the largest error, where it comes from, and what to take."""
         data = self.data
         lines = [
-            "19 of 20 errors are below `sure to`, a part of the largest value, nearly all"
+            "97 of 100 errors are below `sure to`, a part of the largest value, nearly all"
             " below three times it.",
         ]
         relative = (data["error"] / data["scale"]).to_numpy()
