@@ -21,6 +21,8 @@ needed = tomllib.loads(Path("pyproject.toml").read_text())["project"]["dependenc
 Path(sys.argv[1], "newest").write_text("\n".join(needed))
 Path(sys.argv[1], "lowest").write_text("\n".join(each.replace(">=", "==") for each in needed))
 REQUIREMENTS
+# Libraries of different ages warn of each other.
+warnings=(-W default::DeprecationWarning -W default::PendingDeprecationWarning)
 export OPENBLAS_NUM_THREADS=1 MPLBACKEND=Agg PYTHONPATH=$root PYTHONNOUSERSITE=1
 for bound in lowest newest; do
     python3 -m venv "$own/$bound-environment"
@@ -29,5 +31,5 @@ for bound in lowest newest; do
     "$python" -m pip install --quiet --disable-pip-version-check -r "$own/$bound" pytest hypothesis jsonschema mpmath
     "$python" -m pip list --disable-pip-version-check | grep -iE "^(numba|numpy|scipy|h5py|h5netcdf|xarray|pydantic) "
     XDG_CACHE_HOME=$own/$bound-cache "$python" -m gfmdlayer run configs/figure2-quick.yaml --out "$own/$bound-results"
-    XDG_CACHE_HOME=$own/$bound-cache "$python" -m pytest -q -p no:cacheprovider -m "not slow" "${tests[@]}"
+    XDG_CACHE_HOME=$own/$bound-cache "$python" -m pytest -q -p no:cacheprovider "${warnings[@]}" -m "not slow" "${tests[@]}"
 done
