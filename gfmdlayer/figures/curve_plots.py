@@ -363,6 +363,8 @@ def _zoom(axes: Axes) -> None:
 
 def _draw(axes: Axes, case: Dataset, y: str, colour: str, dashes: object, *, alone: bool) -> dict[str, str]:
     """Draw one case; return its areas in words, by their names."""
+    from scipy.integrate import trapezoid
+
     y = column_name(case, y)
     sheared = y in _TANGENTIAL
     if sheared and "tangential_displacement" not in case:
@@ -380,9 +382,9 @@ def _draw(axes: Axes, case: Dataset, y: str, colour: str, dashes: object, *, alo
     pressed = case["mean_stress" if "mean_stress" in case else "force"]  # the latter of an isolated contact
     if sheared:
         name = "tangential_work" if "mean_stress" in case else "tangential_loop_work"
-        found = {name: float(np.trapezoid(case["tangential_force"].to_numpy(), depth))}
+        found = {name: float(trapezoid(case["tangential_force"].to_numpy(), depth))}
     else:
-        area = float(np.trapezoid(pressed.to_numpy(), depth))
+        area = float(trapezoid(pressed.to_numpy(), depth))
         found = {"loop_area" if "mean_stress" in case else "loop_work": area}
         found |= {name: float(case.attrs[name]) for name in _SEPARATIONS if name in case.attrs}
     written = {}

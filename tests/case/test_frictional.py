@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from scipy.integrate import trapezoid
 
 import gfmdlayer
 from gfmdlayer.case.model import NoRecorder
@@ -92,7 +93,7 @@ def test_heat_and_stick_of_a_cycle_are_those_of_the_closed_form():
     Q = np.linspace(0.0, force, 100_001)
     left = load - Q / mu
     D = mu / (math.pi * stiffness) * (load * (1 - math.log(load / full)) - left * (1 - np.log(left / full)))
-    heat = 4 * force * D[-1] - 8 * float(np.trapezoid(D, Q))
+    heat = 4 * force * D[-1] - 8 * float(trapezoid(D, Q))
     assert heat == pytest.approx(2.986e-6, rel=1e-4)
     heats = found.slip_heat.sel(time=[0.625, 1.125], method="nearest").diff("time")
     assert float(heats[0]) == pytest.approx(heat, rel=0.01)

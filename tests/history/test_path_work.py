@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.integrate import trapezoid
 
 from gfmdlayer.history.path_work import work_of_step
 
@@ -51,7 +52,7 @@ def test_relaxation_in_the_steps_is_integrated_to_third_order():
     def exact(start):
         t = np.linspace(start, 2.0, 20_001)
         power = np.exp(-t) * t**2 * np.cos(t) + np.cos(t) * 2 * t
-        return np.trapezoid(power, t) / 2
+        return trapezoid(power, t) / 2
 
     counts = [8, 16, 32]
     errors = [abs(works(*smooth(count)).sum() - exact(smooth(count)[0][1])) for count in counts]
