@@ -141,7 +141,8 @@ def test_a_configuration_reaches_other_processes_when_the_file_is_gone(here):
     config = configured(BED, sweep={"body.k": [1.0, 2.0]})
     every = pickle.dumps([case.config for case in cases(config)])
     (here / "winkler.py").unlink()
-    code = f"import pickle; print([float(c.body.spectrum([1.0]).relaxed[0]) for c in pickle.loads({every!r})])"
+    code = f"import pickle; every = pickle.loads({every!r}); "
+    code += "print([float(config.body.spectrum([1.0]).relaxed[0]) for config in every])"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout == "[1.0, 2.0]\n"
 
