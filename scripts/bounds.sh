@@ -6,8 +6,10 @@ set -euo pipefail
 
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
 cd "$root"
-tests=(tests/body tests/cli/test_completion.py tests/figures/test_plot.py tests/interactive/test_run.py
-    tests/interactive/test_solve.py tests/punch tests/results/test_results.py)
+tests=(tests/body tests/cli/test_completion.py tests/figures/test_plot.py tests/figures/test_loop.py
+    tests/interactive/test_friction.py tests/interactive/test_run.py tests/interactive/test_solve.py
+    tests/observables/test_contact_statistics.py tests/observables/test_friction.py tests/punch tests/results/test_results.py
+    tests/transport)
 [[ $# -gt 0 ]] && tests=("$@")
 
 own=$(mktemp -d)

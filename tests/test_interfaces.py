@@ -20,7 +20,7 @@ from gfmdlayer import figures
 from gfmdlayer.cli import command_line
 from gfmdlayer.config import Config
 from gfmdlayer.config.json_schema import json_schema
-from gfmdlayer.observables import INDENTATION, OBSERVABLES, TOTALS
+from gfmdlayer.observables import INDENTATION, OBSERVABLES, TOTALS, known_columns
 from gfmdlayer.results.names import VARIABLES
 
 PROMISED = Path(__file__).parents[1] / "docs/reference/promised.txt"
@@ -41,7 +41,7 @@ def columns() -> Iterator[tuple[str, str]]:
     output = {"patches": True, "histograms": histogram, "stiffness": {"frequencies": [1.0]}}
     everything = Config(name="all", grid={"points": [8, 8]}, output=output)
     for observable in OBSERVABLES.values():
-        declared = observable.columns(everything) or observable.COLUMNS
+        declared = (*(observable.columns(everything) or observable.COLUMNS), *observable.FURTHER)
         yield from (("columns", each.name) for each in (*declared, *observable.NUMBERS))
     yield from (("fields", each.name) for each in VARIABLES.values())
     yield from (("columns without images", each.name) for each in TOTALS.values() if each is not None)
@@ -111,7 +111,7 @@ def test_the_list_has_every_kind_of_name() -> None:
     listed = promised()
     assert {f"gfmdlayer.{name}" for name in gfmdlayer.__all__} <= listed.keys()
     assert {"thickness", "poisson", "material"} <= listed["section Layer"]
-    assert {"contact_area", "mean_pressure", "time"} <= listed["columns"]
+    assert {"contact_area", "mean_pressure", "lost", *known_columns()} <= listed["columns"]
     assert "--jobs" in listed["gfmdlayer run"]
     assert {"config.yaml", "sweep.h5", "cases/0000.h5"} <= listed["files"]
 

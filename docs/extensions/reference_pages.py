@@ -244,7 +244,7 @@ def columns() -> Iterator[str]:
     output = {"patches": True, "histograms": _HISTOGRAMS, "stiffness": {"frequencies": [1.0]}}
     everything = Config(name="all", grid={"points": [8, 8]}, output=output)
     for observable in OBSERVABLES.values():
-        declared = observable.columns(everything) or observable.COLUMNS
+        declared = (*(observable.columns(everything) or observable.COLUMNS), *observable.FURTHER)
         if not declared:
             continue
         title = re.sub("(?<=[a-z])([A-Z])", " \\1", observable.__name__).capitalize()

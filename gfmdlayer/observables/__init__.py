@@ -139,7 +139,7 @@ def known_columns() -> dict[str, Column]:
     """Return the columns of periodic contacts that are the same in every case that has them, by name."""
     known: dict[str, Column] = {}
     for observable in OBSERVABLES.values():
-        for column in observable.COLUMNS:
+        for column in (*observable.COLUMNS, *observable.FURTHER):
             if column.name in known:
                 raise ValueError(f"{observable.__name__}: another observable has a column {column.name!r}")
             known[column.name] = column

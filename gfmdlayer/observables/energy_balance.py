@@ -72,7 +72,7 @@ class EnergyBalance(Observable):
         energy_residual | work - stored - dissipated - energy of the interface - plastic work - heat of slip
           - lost in instabilities, per area | pressure length | from the beginning of the run
         """)
-    LOST = declared("""
+    FURTHER = declared("""
         lost | energy lost in instabilities per area | pressure length | from the beginning of the run
         """)
     KEPT = "work", "lost", "energies", "attraction", "strength", "torn", "largest", "open"
@@ -80,7 +80,7 @@ class EnergyBalance(Observable):
     @classmethod
     def columns(cls, config: Config) -> tuple[Column, ...] | None:
         """Return the balance, with the loss where the interface attracts."""
-        return (*cls.LOST, *cls.COLUMNS) if config.interfaces else cls.COLUMNS
+        return (*cls.FURTHER, *cls.COLUMNS) if config.interfaces else cls.COLUMNS
 
     def __init__(self, case: Observed) -> None:
         self._work, self._lost, self._sums = 0.0, 0.0, case.grid.sums
@@ -258,7 +258,7 @@ class Bodies(Observable):
         dissipated_counterbody | energy dissipated in the counterbody, per area | pressure length |
           from the beginning of the run
         """)
-    LOSS = declared(r"""
+    FURTHER = declared(r"""
         friction_body | friction by the loss of the body: its heat per distance / normal force | 1 |
           over the last step | \mu_\mathrm{body}
         friction_counterbody | friction by the loss of the counterbody: its heat per distance / normal force |
@@ -272,7 +272,7 @@ class Bodies(Observable):
         if not config.two_bodies:
             return None
         marches = config.trajectory.moves and not config.time.at_once
-        return cls.COLUMNS + cls.LOSS if marches else cls.COLUMNS
+        return cls.COLUMNS + cls.FURTHER if marches else cls.COLUMNS
 
     def __init__(self, case: Observed) -> None:
         self._moves = self.columns(case.config) != self.COLUMNS

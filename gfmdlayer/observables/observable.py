@@ -182,6 +182,8 @@ class Observable(Saving):
     ----------
     COLUMNS : tuple of Column
         Columns that are the same in every case that has the observable.
+    FURTHER : tuple of Column
+        Columns that some of these cases have besides: `columns` says which.
     NUMBERS : tuple of Column
         Attributes that the sweep file holds too, a number for each case.
     KEPT : tuple of str
@@ -209,6 +211,7 @@ class Observable(Saving):
     """
 
     COLUMNS: ClassVar[tuple[Column, ...]] = ()
+    FURTHER: ClassVar[tuple[Column, ...]] = ()
     NUMBERS: ClassVar[tuple[Column, ...]] = ()
     finished: bool = False
     attributes: Mapping[str, Attribute] = MappingProxyType({})

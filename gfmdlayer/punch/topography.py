@@ -177,8 +177,7 @@ def membrane(heights: FloatArray, holes: BoolArray) -> FloatArray:
             weights += [np.ones(hole.sum()), -np.ones(both.sum())]
             rim = hole & (there < 0)
             forces += np.bincount(here[rim], beside[rim], count)
-    places = np.concatenate(rows).astype(np.intc), np.concatenate(columns).astype(np.intc)  # of SuperLU
-    entries = np.concatenate(weights), places
+    entries = np.concatenate(weights), (np.concatenate(rows), np.concatenate(columns))
     filled = heights.copy()
     filled[holes] = spsolve(coo_array(entries, shape=(count, count)).tocsc(), forces)
     return filled

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.integrate import trapezoid
 
 import gfmdlayer
 
@@ -62,7 +63,7 @@ def test_straight_lines_between_rows_are_right_and_rows_fall_at_further_times():
     # Lee and Radok: the branch relaxes from the end of the ramp on.
     hertz, tau = 8 / 3 * 0.1**1.5 / 0.5, 0.05
     grid = np.linspace(0, 1, 200001)
-    branch = hertz * np.trapezoid(1.5 * grid**0.5 * np.exp((grid - 1) * 0.5 / tau), grid)
+    branch = hertz * trapezoid(1.5 * grid**0.5 * np.exp((grid - 1) * 0.5 / tau), grid)
     exact = hertz + 3.0 * branch * np.exp(-(fine - 0.5) / tau)
     assert np.abs(found["force"].sel(time=fine) - exact).max() < 2e-4 * exact.max()
     steps = gfmdlayer.indent(*arguments, depth=[0, 0.1, 0.1])

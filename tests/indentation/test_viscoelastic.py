@@ -6,6 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from scipy.integrate import trapezoid
 from scipy.optimize import brentq
 
 import gfmdlayer
@@ -230,7 +231,7 @@ def test_pressure_integrates_to_the_force():
         extent=1.0,
     )  # fmt: skip
     kept = run.profiles()
-    force = np.trapezoid(2 * np.pi * kept.r * kept.pressure[0], kept.r)
+    force = trapezoid(2 * np.pi * kept.r * kept.pressure[0], kept.r)
     assert force == pytest.approx(run.solved.force[run.solved.time == 1.0][0], rel=1e-3)
 
 

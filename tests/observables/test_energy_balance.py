@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
+from scipy.integrate import solve_ivp, trapezoid
 
 from gfmdlayer.case.case import Case
 from gfmdlayer.config import Config
@@ -262,9 +262,9 @@ def test_attraction_and_voltage_do_their_work_in_steps_of_any_length(run, tmp_pa
 
     def area(found):
         if source == "the punch":
-            return np.trapezoid(found["mean_stress"], found["depth"])
+            return trapezoid(found["mean_stress"], found["depth"])
         volts = found["time"]  # the energy of the interface is -C V^2/2: a charge C V comes from the source
-        return np.trapezoid(2 * found["interface_energy"] / np.maximum(volts, 1e-9), volts)
+        return trapezoid(2 * found["interface_energy"] / np.maximum(volts, 1e-9), volts)
 
     known = area(shortest)
     # A third of the change of the area with the step is the error of the trapezoids; the solver leaves 1e-6.
