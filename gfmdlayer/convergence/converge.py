@@ -414,12 +414,12 @@ class Comparison:
         held: dict[str, Any] = {
             name: ("estimate", np.array([row[name] for row in rows], float)) for name in numbers
         }
-        held |= {name: ("estimate", np.array([str(row[name]) for row in rows], object)) for name in words}
+        held |= {name: ("estimate", np.array([str(row[name]) for row in rows], str)) for name in words}
         for name in ("errors", "orders"):
             table = [[row[name].get(source, math.nan) for source in sources] for row in rows]
             held[name] = ("estimate", "source"), np.array(table, float)
-        held["run_case"] = "run", np.array([case for case, *_ in runs], object)
-        held["run_source"] = "run", np.array([source for _, source, *_ in runs], object)
+        held["run_case"] = "run", np.array([case for case, *_ in runs], str)
+        held["run_source"] = "run", np.array([source for _, source, *_ in runs], str)
         held["size"] = "run", np.array([size for _, _, size, _ in runs], float)
         held["cost"] = "run", np.array([run.work for *_, run in runs], float)
         held["seconds"] = (
@@ -439,7 +439,7 @@ class Comparison:
             "notes": "\n".join(self._notes), "failed": "\n".join(self._failed),
             "cases": len(self._every), "times": self._every[0].times,
         }  # fmt: skip
-        return xarray.Dataset(held, {"source": np.array(sources, object)}, attrs)
+        return xarray.Dataset(held, {"source": np.array(sources, str)}, attrs)
 
 
 def _value(row: Mapping[str, Any], run: Run) -> float:

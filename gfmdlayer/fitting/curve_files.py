@@ -418,8 +418,8 @@ def _hdf5_columns(entry: Entry, given: Mapping[str, str], into: Into) -> Columns
             units[key] = other
         for key in WORDS:
             if key in place:
-                values = place[key].asstr()
-                words[key] = list(map(str, values[:] if values.ndim == 1 or row is None else values[row]))
+                values, whole = place[key].asstr(), place[key].ndim == 1 or row is None
+                words[key] = list(map(str, values[:] if whole else values[row]))
         stiffness = place.attrs.get("stiffness")
     sizes = {values.size for values in columns.values()}
     if len(sizes) == 1:
